@@ -164,12 +164,12 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Option
     if content is not None and abs(content - row["quality"]) > _APART:
         hint = f"quality {content:.1f} where there is content, {row['quality']:.1f} over the whole canvas"
     if task.output.suffix.lower() == ".png":  # which has palettes of 8 bits only
-        if len(result.palette) <= 256 and result.results[0].palette.itemsize == 2:
+        if result.n_colors <= 256 and result.results[0].palette.itemsize == 2:
             hint = _DEEP
         elif _smaller_of(given):  # which the runner sees to
             pass
         elif task.source.is_file() and task.source.stat().st_size < task.output.stat().st_size:
-            hint = _LARGER + ("; -k 256 has an index, more have none" if len(result.palette) > 256 else "")
+            hint = _LARGER + ("; -k 256 has an index, more have none" if result.n_colors > 256 else "")
     return row | ({"warning": hint} if hint else {})
 
 

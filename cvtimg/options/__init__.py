@@ -39,7 +39,8 @@ PANELS = {
     "threshold compactness edit merge motion channels "
     "noise_like hidden renormalize label grade keep_points name name_by coast parent within strait all_seas "
     "keep_bays region layers",
-    "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette alpha_threshold matte",
+    "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette "
+    "palette_per_frame alpha_threshold matte",
     "Output": "output out_dir ext in_place yes skip_if_larger write labels mean edges overlay contours table "
     "masks tree strengths generators save_palette csv sheet plot histograms view over edge_mode line_color "
     "line_width subpixel simplify properties width height landscape margin marks pen_width order "

@@ -205,13 +205,16 @@ QUANTIZE = (
         "yes", "Do not ask before --in-place replaces the images of a folder.", flags="--yes -y", needs=("in_place",)
     ),
     switch("skip_if_larger", "Write no output that is not smaller than its input."),
-    common.PALETTE_OUTPUT,
+    common.PALETTE_OUTPUT._replace(excludes=("palette_per_frame",)),
     switch(
         "keep_metadata",
         "Keep the color profile, resolution, EXIF and georeference where still valid.",
         keyword="keep_metadata",
     ),
     switch("optimize", "Make PNG files smaller with oxipng; slower.", keyword="optimize"),
+    switch("palette_per_frame", "Use a palette for each frame or page, not one for all.", keyword="per_frame").on_page(
+        "Own palettes", "Each frame has its own. Colors that stand still may change."
+    ),
     common.READING[0]._replace(keyword="max_pixels"),
     *common.READING[1:],
     *common.ENGINE,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -121,7 +121,7 @@ def write_frames(
     path: StrPath,
     frames: Frames,
     *,
-    palette: Bytes | None = None,
+    palettes: Bytes | Sequence[Bytes] | None = None,
     metadata: Metadata | None = None,
     overwrite: bool = False,
 ) -> None:
@@ -132,9 +132,10 @@ def write_frames(
     path : str or path-like
         Ends in .gif, .png (APNG) or .webp (lossless).
     frames : Frames
-        With uint8 images, or (H, W) integer indices if there is a palette.
-    palette : (K, 3) or (K, 4) uint8 array, 1 <= K <= 256, optional
-        Required for .gif, with each color either opaque or fully transparent.
+        With uint8 images, or (H, W) integer indices if there are palettes.
+    palettes : (K, 3) or (K, 4) uint8 array, or one for each frame, 1 <= K <= 256, optional
+        Required for .gif, with each color either opaque or fully transparent. A .png is indexed if all frames share one
+        palette.
     metadata, overwrite
         As in `write_image`, and so are errors; a .gif stores no metadata.
 
@@ -146,20 +147,15 @@ def write_frames(
     """
     suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), FRAME_WRITERS)
     with writing(path, overwrite=overwrite, through=ValueError) as file:
-        file.write(encode_frames(suffix, frames, palette, metadata))
+        file.write(encode_frames(suffix, frames, palettes, metadata))
 
 
-def encode_frames(suffix: str, frames: Frames, palette: Bytes | None = None, metadata: Metadata | None = None) -> bytes:
+def encode_frames(
+    suffix: str, frames: Frames, palettes: Bytes | Sequence[Bytes] | None = None, metadata: Metadata | None = None
+) -> bytes:
     """Encode an animation as the bytes of the file that `write_frames` would write."""
     buffer = BytesIO()
-    if palette is None:
-        eight = all(image.dtype == np.uint8 and image.shape[2:] in ((), (3,), (4,)) for image in frames.images)
-        check_that("images without palettes", eight, "be (H, W), (H, W, 3) or (H, W, 4) uint8")
-    else:
-        for image in frames.images:
-            check_indexed(image, palette)
-        (palette,) = (colors[0] for colors in alike([palette[np.newaxis]]))
-    cels = [Cel(image, palette) for image in frames.images]
+    cels = _cels(frames.images, palettes, indexed_png=suffix == ".png")
     FRAME_WRITERS[suffix](buffer, cels, frames.durations, frames.plays, metadata or Metadata())
     return buffer.getvalue()
 
@@ -179,3 +175,23 @@ def with_channels(image: Array, n_channels: int) -> Array:
         return np.ascontiguousarray(color)
     alpha = image[..., 3:] if image.ndim == 3 and image.shape[2] == 4 else np.full_like(color[..., :1], 255)
     return np.concatenate([color, alpha], axis=2)
+
+
+def _cels(images: Sequence[Array], palettes: Bytes | Sequence[Bytes] | None, *, indexed_png: bool) -> list[Cel]:
+    """Check images and palettes, and pair each frame with its palette."""
+    if palettes is None:
+        eight = all(image.dtype == np.uint8 and image.shape[2:] in ((), (3,), (4,)) for image in images)
+        check_that("images without palettes", eight, "be (H, W), (H, W, 3) or (H, W, 4) uint8")
+        return [Cel(image, None) for image in images]
+    shared = isinstance(palettes, np.ndarray)
+    each = [palettes] if isinstance(palettes, np.ndarray) else list(palettes)
+    if all(palette.ndim == 2 and palette.shape[1] in (3, 4) for palette in each):  # else `check_indexed` rejects them
+        each = [palette[0] for palette in alike([palette[np.newaxis] for palette in each])]
+    each *= len(images) if shared else 1  # the same object, which tells a writer that it is shared
+    one_each = f"be one for each of the {len(images)} frames, or one array"
+    check_that(f"{len(each)} palettes", len(each) == len(images), one_each)
+    for image, palette in zip(images, each, strict=True):
+        check_indexed(image, palette)
+    colored = indexed_png and not shared  # a PNG holds only one palette
+    pairs = zip(images, each, strict=True)
+    return [Cel(palette[image], None) if colored else Cel(image, palette) for image, palette in pairs]

@@ -105,7 +105,7 @@ class Stack:
         """
         if self.kind == "frames":
             frames = replace(self.content, images=tuple(images))
-            write_frames(path, frames, palette=palette, metadata=metadata, overwrite=overwrite)
+            write_frames(path, frames, palettes=palette, metadata=metadata, overwrite=overwrite)
         elif self.kind == "pages":
             pages = replace(self.content, images=tuple(images), has_alpha=bool(alpha))
             write_pages(path, pages, palette=palette, overwrite=overwrite)

@@ -7,6 +7,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import repeat
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -55,29 +56,34 @@ class _Aiming(NamedTuple):
     decibels: float = 2.0  # for twice the colors
     bytes_per_pixel: float = 0.05  # likewise, or for half the price of a bit
     # Of most photographs: the visual quality of endlessly many colors at no price, and what is lost to fewer, by a
-    # power of the mean squared error of the palette, in levels of 8 bits; and to the price of an index.
+    # power of the mean squared error of the palette, in levels of 8 bits; to the price of an index; and to less
+    # diffusion.
     points: float = 93.5
     points_by_error: float = 1.8
     power: float = 0.75
     points_by_price: float = 1.2
     power_of_phrases: float = 0.65  # of the price of a bit of LZW
+    share_by_strength: float = 0.4  # of what is lost, for less diffusion
+    strengths: Sequence[float] = tuple(np.linspace(0.4, 0.6, 201).tolist())
+    most_unlike: float = 8.0  # times as much, or as little, is lost by other images
     trial_matches: int = 4  # enough to tell a quality within half a point
-    # Prices of a bit, in squared levels, up to which a quality is lowered before colors are. At qualities of 40 to 70,
-    # files at 2.4 take .85 of the bytes of fewer colors at 1.2, and smooth areas show fewer streaks; above that, gentle
-    # texture is lost, which the measure does not see. Phrases of LZW make no long streaks: at 4.8, files of qualities
-    # below 75 take a tenth to a quarter less than with fewer colors at 1.2.
-    price: float = 2.4
-    price_of_phrases: float = 4.8
-    least_price: float = 0.02
-    dearer: float = 4.0  # times the highest price, by which the quality of a number of colors is lowered
-    less: float = 0.1  # of the diffusion, at the highest price
+    # Prices of a bit, in squared levels, between which a quality is sought. At qualities of 40 to 70, files at 2.4 take
+    # .85 of the bytes of fewer colors at 1.2, and smooth areas show fewer streaks; above that, gentle texture is lost,
+    # which the measure does not see.
+    prices: Sequence[float] = tuple(np.geomspace(2.4, 0.02, 237).tolist())
+    # Phrases of LZW make no long streaks: at 4.8, files of qualities below 75 take a tenth to a quarter less than with
+    # fewer colors at 1.2.
+    prices_of_phrases: Sequence[float] = tuple(np.geomspace(4.8, 0.02, 237).tolist())
     # For files that must be small: streaks look better than few colors.
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
-    # A search for a quality ends with a result that is better by `close`, or after `n_trials`.
+    # A search for a quality ends with a result that is better by `close`, or after `n_trials`: of prices, of numbers.
     close: float = 0.5
-    # Below and above the quality, where the same number of colors is enough, at another price.
+    # To the quality with few matches is near enough to go on with all; above it are other numbers of colors tried, that
+    # prices then lower.
     near: float = 1.5
-    far: float = 6.0
+    far: float = 6.0  # above the quality are the same colors enough, at another price or diffusion
+    dearer: float = 4.0  # times the highest price, by which the quality of a number of colors is lowered
+    others: float = 2.5  # times as many colors, or a share of them, are tried after the first number
     n_trials: int = 4  # with one of few matches
     n_more: int = 9  # where none has reached the quality
     n_usual: int = 2  # of all matches, without a target
@@ -99,6 +105,8 @@ class QuantizeOptions:
     ----------
     n_colors, psnr, max_bytes, palette, locked, color_bits, ramp, space, dither, dither_strength, goal, quality
         As in `cvtimg.quantize`.
+    per_frame : bool
+        Find a palette for each frame or page, not one for all.
     engine : dict
         The options of `tessellate`: method, init, effort, volume_power, rng and callback.
     suffix : str
@@ -117,6 +125,7 @@ class QuantizeOptions:
     dither_strength: float | None = None
     goal: GoalName = "error"
     quality: float | tuple[float, float] | None = None
+    per_frame: bool = False
     engine: EngineOptions = field(default_factory=EngineOptions)
     suffix: str = ".png"
     # What searches set: the price of a bit, the matches that are followed, and whether an image that has the colors of
@@ -166,9 +175,9 @@ class QuantizeOptions:
         if self.palette is not None:
             if self.n_colors == "auto":
                 refuse("n_colors", self.n_colors, "a number with palette")
-            excluded = {"locked": self.locked, "psnr": self.psnr, "color_bits": self.color_bits, **others}
-            excluded |= self.engine
-            given = " or ".join(name for name, value in excluded.items() if value is not None)
+            found = {"locked": self.locked, "psnr": self.psnr, "color_bits": self.color_bits, **others, **self.engine}
+            found["per_frame"] = self.per_frame or None
+            given = " or ".join(name for name, value in found.items() if value is not None)
             check_that("palette", not given, f"not be given with {given}")
         elif self.psnr is None and self.n_colors is None:
             raise TypeError("n_colors, psnr or palette must be given")
@@ -204,12 +213,12 @@ class QuantizeOptions:
 class Source:
     """Pixels that are counted, and mapped once there is a palette; what follows `mapped` needs them in memory."""
 
-    counted: ColorSamples  # the density of all pixels
+    counted: Sequence[ColorSamples]  # what palettes are found for: the density of all pixels, or that of each frame
     images: Sequence[Array]  # as they were
     n_pixels: int
 
-    def mapped(self, palette: Palette, how: QuantizeOptions) -> Any:
-        """Map the pixels to a palette: an image, or frames."""
+    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Any:
+        """Map the pixels to the palettes, one for each of `counted`: an image, or frames."""
         raise NotImplementedError
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
@@ -243,7 +252,7 @@ class Source:
 
     def _mean(self, measure: Callable[[Array, Array], float], result: Any) -> float:
         pairs = zip(self.images, _each(result), strict=True)
-        return float(np.mean([measure(image, frame.image) for image, frame in pairs]))
+        return float(np.mean([measure(image, one.image) for image, one in pairs]))
 
 
 def quantized(source: Any, how: QuantizeOptions) -> Any:
@@ -257,13 +266,13 @@ def quantized(source: Any, how: QuantizeOptions) -> Any:
     if how.goal == "eyes":
         return _for_eyes(source, how)
     if how.psnr is not None and how.palette is None:
-        below, reaching = _by_number(source, how, lambda result: result.psnr, how.psnr, _AIMING.decibels)
-        if reaching is None:
-            refuse("psnr", how.psnr, f"at most {below.psnr:.2f} dB, which {len(below.palette)} colors reach")
-        return reaching
+        below, found = _by_number(source, how, lambda result: result.psnr, how.psnr, _AIMING.decibels)
+        if found is None:
+            refuse("psnr", how.psnr, f"at most {below.psnr:.2f} dB, which {_most_colors(below)} colors reach")
+        return found
     with part(0, 0.2 if how.dither else 0.7):
-        palette = finder(how)(source.counted)
-    return source.mapped(palette, how)
+        palettes = [*map(finder(how), source.counted)]
+    return source.mapped(palettes, how)
 
 
 def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
@@ -285,7 +294,7 @@ def _by_number(
     source: Source, how: QuantizeOptions, figure: Callable[[Any], float], target: float, growth: float
 ) -> Any:
     """Return the results of neighboring numbers of colors, whose figure is below a target and reaches it."""
-    least = fixed_colors(source.counted, how.locked)[2]
+    least = max(fixed_colors(one, how.locked)[2] for one in source.counted)
     most: Any = how.n_colors or MAX_COLORS
     check_room(most, least)
     plain, first = replace(how, goal="error", psnr=None, max_bytes=None), _AIMING.number
@@ -316,13 +325,13 @@ def _within_bytes(source: Source, how: QuantizeOptions, max_bytes: int) -> Any:
         if fitting is not None:
             return fitting[1]
         how = replace(how, price=prices[0])
-    result, fewest = _by_number(source, how, source.size, max_bytes + 1, growth)
-    if result is None:
-        least = f"at least {source.size(fewest)}, for the fewest colors, {len(fewest.palette)}"
+    found, fewest = _by_number(source, how, source.size, max_bytes + 1, growth)
+    if found is None:
+        least = f"at least {source.size(fewest)}, for the fewest colors, {_most_colors(fewest)}"
         refuse("max_bytes", max_bytes, least)
-    if result.n_distinct > 1 and len(result.palette) == 1:
-        warn(f"max_bytes={max_bytes} leaves one color of {result.n_distinct}")
-    return result
+    if found.n_distinct > 1 and _most_colors(found) == 1:
+        warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}")
+    return found
 
 
 def _for_eyes(source: Source, how: QuantizeOptions) -> Any:
@@ -330,7 +339,7 @@ def _for_eyes(source: Source, how: QuantizeOptions) -> Any:
     result = _nearest_quality(source, how)
     least, wanted = how.quality_range
     if how.quality is not None and result.energy and (quality := result.content_quality) < wanted:
-        colors = f"{len(result.palette)} colors"
+        colors = f"{_most_colors(result)} colors"
         if quality < least:
             refuse("quality", least, f"at most {quality:.1f} at its lower end, which {colors} reach")
         warn(f"quality={wanted:g} is out of reach of {colors}: {quality:.1f}")
@@ -342,27 +351,27 @@ def _nearest_quality(source: Source, how: QuantizeOptions) -> Any:
     # Animations have a price of their own: noise that the measure sees in a frame is hardly seen in motion.
     if how.dither != "compact" or (how.quality is None and how.rate.coder == "lzw"):
         return _seen(source, quantized(source, replace(how, goal="error", max_bytes=None)))
-    palettes, has_aim = _Palettes(how, source), how.quality is not None
+    palettes = _Palettes(how, source)
     exact = palettes.exact(source)
     if exact is not None and (palettes.most <= 2 or how.quality_range[1] >= 100):
         return exact
     search = _Search(source, how, palettes)
-    results = [search.nearest()]
+    found = [search.nearest()]
     if source.is_drawn and how.palette is None:
-        least = search.least if has_aim else max(search.least, results[0].content_quality)
-        results += _unmixed(source, palettes, least, results[0])
-    results += [] if exact is None else [exact]
-    best = max(result.content_quality for result in results)
-    least = min(best, search.least - (0 if has_aim else 2.5 * _AIMING.close))
+        least = search.least() if how.quality is not None else max(search.least(), found[0].content_quality)
+        found += _unmixed(source, palettes, least, found[0])
+    found += [] if exact is None else [exact]
+    best = max(one.content_quality for one in found)
+    least = min(best, search.least() - (0 if how.quality is not None else 2.5 * _AIMING.close))
 
     def cost(result: Any) -> float:
         # Without a target, what is lost must be saved: the law of pngquant's --skip-if-larger.
-        lossy = exact is not None and result is not exact and not has_aim
+        lossy = exact is not None and result is not exact and how.quality is None
         return source.size(result) / (max(result.content_quality, 1) / 100) ** (_AIMING.worth if lossy else 0)
 
-    good = [result for result in results if result.content_quality >= least]
-    if exact is not None and not has_aim:  # bands and streaks, which the measure hardly sees, are no gain
-        good = [result for result in good if result is exact or _banding(source, result) <= _AIMING.bands]
+    good = [one for one in found if one.content_quality >= least]
+    if exact is not None and how.quality is None:  # bands and streaks, which the measure hardly sees, are no gain
+        good = [one for one in good if one is exact or _banding(source, one) <= _AIMING.bands]
     return good[0] if len(good) == 1 else min(good, key=cost)
 
 
@@ -371,13 +380,19 @@ def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> l
 
     Text and drawings have smaller files without dithering; gradients show bands, more than where colors are mixed.
     """
-    all_colors = palettes.unmixed(source, palettes.most)
-    if all_colors.content_quality < least or source.size(all_colors) > 2 * source.size(mixed):
+    numbers = sorted({*(round(2 ** (n / 4)) for n in range(4, 33)), palettes.most})
+    numbers = numbers[: numbers.index(palettes.most) + 1]
+    found = [palettes.unmixed(source, palettes.most)]
+    if found[0].content_quality < least or source.size(found[0]) > 2 * source.size(mixed):
         return []
-    numbers, at = palettes.numbers, partial(palettes.unmixed, source)
-    number = numbers[bisect_left(numbers, True, key=lambda n: at(n).content_quality >= least)]
-    bands = _banding(source, at(number))
-    return [at(number)] if bands <= max(_AIMING.bands, _banding(source, mixed)) else []
+    below, reaching = -1, len(numbers) - 1
+    while reaching - below > 1:
+        middle = (below + reaching) // 2
+        result = palettes.unmixed(source, numbers[middle])
+        below, reaching = (below, middle) if result.content_quality >= least else (middle, reaching)
+        found += [result] * (reaching == middle)
+    bands = _banding(source, found[-1])
+    return found[-1:] if bands <= max(_AIMING.bands, _banding(source, mixed)) else []
 
 
 class _Rung(NamedTuple):
@@ -385,100 +400,126 @@ class _Rung(NamedTuple):
 
     n_colors: int
     price: float  # of a bit
+    strength: float  # of diffusion
 
 
 class _Search:
-    """A search for the result of a quality: by mappings of pieces, or with few matches, then by whole ones.
-
-    What a setting is expected to lose of the quality, by `_Palettes.expected`, is the one coordinate of the search.
-    """
+    """A search among rungs for the result of a quality: by mappings with few matches, then by whole ones."""
 
     def __init__(self, source: Source, how: QuantizeOptions, palettes: _Palettes) -> None:
-        self._source, self._palettes, self._aim = (
-            source,
-            palettes,
-            None if how.quality is None else how.quality_range[1],
-        )
-        self._sample = source.sample(small=self._aim is None)
-        self._tried: dict[_Rung, float] = {}  # qualities of pieces, or with few matches
-        self._results: dict[_Rung, Any] = {}
+        self._source, self._how, self._palettes, self._given = source, how, palettes, how.quality is not None
+        self._sample = source.sample(small=not self._given)
+        self._found: dict[_Rung, Any] = {}
+        self._tried: dict[_Rung, float] = {}  # qualities with few matches
         self._above = 0.0  # by which the whole with all matches was better
-        self._best = palettes.rung(0.0)
-
-    @property
-    def least(self) -> float:
-        """The least quality to reach: the given or the usual one, or what is `below_best` under the best."""
-        if self._aim is not None:
-            return self._aim
-        return min(_AIMING.same, self._tried[self._best] + self._above - _AIMING.below_best)
+        self._strengths = _AIMING.strengths if how.dither_strength is None else [how.strength]
+        numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
+        usual = len(self._strengths) // 2
+        self._prices = _AIMING.prices_of_phrases if how.rate.coder == "lzw" else _AIMING.prices
+        free, strength = self._prices[0], self._strengths[usual]
+        self._rungs = [_Rung(number, free, strength) for number in numbers if how.palette is None]
+        finely = self._finely(palettes.most)
+        self._rungs += [rung for rung in finely if rung.price <= free and rung.strength >= strength]
 
     def nearest(self) -> Any:
         """Return the smallest result of the quality, or the best."""
-        given, close = self._aim is not None, _AIMING.close
+        given, close, more = self._given, _AIMING.close, 0.0
         with part(0.1, 0.3):
             rung = self._begun()
-        n_left, more = _AIMING.n_trials if given else _AIMING.n_usual, 0.0
+        n_left = _AIMING.n_trials - len({*self._tried, *self._found} - {rung}) if given else _AIMING.n_usual
         with part(0.3, 1):
             for n in first_few(range(n_left + _AIMING.n_more)):
-                quality, wanted = self._whole(rung), self.least + given * close / 2
-                reached = [some for some in map(self._whole, self._results) if some >= self.least]
-                enough = (bool(reached) or not given or self._best in self._results) and n + 1 >= n_left
-                if enough or abs(quality - wanted) <= (close / 2 if given else 2.5 * close):
+                quality, least = self._result(rung), self.least()
+                above = [one.content_quality - least for one in self._found.values() if one.content_quality >= least]
+                reached = min(above, default=math.inf) <= _AIMING.near
+                if n + 1 >= n_left and (reached or not given or (not above and self._rungs[-1] in self._found)):
                     break
-                more = 2 * more or close / 2 if n + 2 >= n_left and not reached else 0.0
-                number = self._number(wanted + more)
-                settings = (self._toward(wanted + more, number), self._toward(wanted + more + close), self._best)
-                rung = next((rung for rung in settings if rung not in self._results), rung)
-                if rung in self._results:
+                more = 2 * more or close / 2 if n + 2 >= n_left and not above else 0.0
+                wanted = least + given * close / 2 + more
+                after = self._after(rung, quality, wanted)
+                if abs(quality - wanted) <= (close / 2 if given else 2.5 * close) or (after is None and above):
                     break
-        return min(self._results.values(), key=lambda result: _miss(result.content_quality, self.least))
+                rung = after or rung
+        return min(self._found.values(), key=lambda one: _miss(one.content_quality, least))
+
+    def _after(self, rung: _Rung, quality: float, wanted: float) -> _Rung | None:
+        """Return the rung to try next, if one is left."""
+        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors. Dearer
+        # bits lower it by some points; cheaper ones hardly raise it, where colors are few.
+        after, finely = [], self._finely(rung.n_colors)
+        misses = [self._result(one) - wanted for one in finely if one in self._found]
+        if min(misses) < 0 < max(misses) or -_AIMING.near <= quality - wanted <= _AIMING.far:
+            after.append(self._toward(finely, wanted))
+        other = self._toward(self._rungs, wanted)
+        aside = _AIMING.near if self._given else -_AIMING.close
+        after.append(other if other.n_colors == self._palettes.most else self._toward(self._rungs, wanted + aside))
+        # A number of colors and the next may be far from each other.
+        reaching = [one for one in self._found if self._result(one) >= wanted]
+        after += [self._toward(self._finely(min(reaching, key=self._result).n_colors), wanted)] if reaching else []
+        return next((one for one in after if one not in self._found), None)
 
     def _begun(self) -> _Rung:
-        """Return the setting to begin with, as mappings with few matches tell."""
-        given = self._aim is not None
-        if not given:
-            self._trial(self._best)
-        wanted, rung = self.least + given * _AIMING.close / 2, self._toward(self.least)
-        for _ in range(_AIMING.n_usual if not given or self._sample is not self._source else 0):
+        """Return the rung to begin with, as mappings with few matches tell."""
+        given, last = self._given, self._rungs[-1]
+        rung = self._at(self._rungs, self._how.quality_range[1] + _AIMING.close / 2) if given else last
+        seen = self._result(rung) if given and rung == last else self._trial(rung)
+        self._palettes.expect(rung, seen)
+        wanted = self.least() + given * _AIMING.close / 2
+        if given and abs(seen - wanted) <= _AIMING.near:
+            return rung
+        first, rung = rung.n_colors, self._at(self._rungs, wanted)
+        if given and rung.n_colors != first:
+            number = int(min(max(rung.n_colors, first / _AIMING.others), first * _AIMING.others, self._palettes.most))
+            rung = rung if number == rung.n_colors else self._rungs[0]._replace(n_colors=number)
+        for _ in range(int(abs(seen - wanted) > _AIMING.far) if given else _AIMING.n_usual):
             missed = 0.0 if rung in self._tried else abs(self._trial(rung) - wanted)
-            rung = self._toward(wanted)
-            if missed <= 3 * _AIMING.close:
+            rung = self._toward(self._rungs, wanted)
+            if missed <= _AIMING.near:
                 break
         return rung
 
-    def _number(self, wanted: float) -> int | None:
-        """Return the number of colors of a result whose quality is near; None without one."""
-        # Figures jump among palettes of other numbers. Dearer bits lower them; cheaper ones hardly raise them, where
-        # colors are few.
-        misses = {rung: self._whole(rung) - wanted for rung in self._results}
-        far = {rung: miss / _AIMING.far if miss > 0 else -miss / _AIMING.near for rung, miss in misses.items()}
-        nearest = min(far, key=far.__getitem__)
-        return nearest.n_colors if far[nearest] <= 1 else None
+    def least(self) -> float:
+        """Return the least quality to reach: the given or the usual one, or what is `below_best` under the best."""
+        if self._given:
+            return self._how.quality_range[1]
+        return min(_AIMING.same, self._tried[self._rungs[-1]] + self._above - _AIMING.below_best)
 
-    def _toward(self, wanted: float, n_colors: int | None = None) -> _Rung:
-        """Return the setting where the qualities that were seen, of a number of colors if so, come to another."""
-        seen = {rung: quality + self._above for rung, quality in self._tried.items()}
-        seen |= {rung: result.content_quality for rung, result in self._results.items()}
-        alike = {rung: quality for rung, quality in seen.items() if n_colors in (None, rung.n_colors)}
-        places = {-self._palettes.expected(rung): quality for rung, quality in alike.items()}
-        if n_colors is None or len(places) < 2:
-            places[0.0] = _AIMING.points
-        return self._palettes.rung(-toward(wanted, places), n_colors)
+    def _finely(self, n_colors: int) -> list[_Rung]:
+        """Return the rungs of a number of colors: high prices, strengths of diffusion, and lower prices."""
+        free, *prices = self._prices
+        dear = np.geomspace(_AIMING.dearer * free, free, 50)[:-1].tolist() if self._given else []
+        rungs = [_Rung(n_colors, free, strength) for strength in self._strengths]
+        return [
+            *(rungs[0]._replace(price=price) for price in dear), *rungs,
+            *(rungs[-1]._replace(price=price) for price in prices),
+        ]  # fmt: skip
 
-    def _whole(self, rung: _Rung) -> float:
-        if rung not in self._results:
-            result = _seen(self._source, self._palettes.mapped(self._source, *rung))
-            self._results[rung] = result
+    def _at(self, rungs: list[_Rung], place: float) -> _Rung:
+        """Return the first rung of at least this expected quality, or the last one."""
+        return rungs[min(bisect_left(rungs, place, key=self._palettes.expected), len(rungs) - 1)]
+
+    def _toward(self, rungs: list[_Rung], wanted: float) -> _Rung:
+        """Return the rung where the qualities that were seen, of these rungs if so, come to another."""
+        tried = {rung: quality + self._above for rung, quality in self._tried.items()}
+        seen = {**tried, **{rung: float(result.content_quality) for rung, result in self._found.items()}}
+        alike = {rung: seen[rung] for rung in rungs if rung in seen}
+        places = {self._palettes.expected(rung): quality for rung, quality in (alike or seen).items()}
+        at = rungs.index(self._at(rungs, toward(wanted, places)))
+        return rungs[at - (at > 0 and seen.get(rungs[at], 0) > wanted)]
+
+    def _result(self, rung: _Rung) -> float:
+        if rung not in self._found:
+            self._found[rung] = _seen(self._source, self._palettes.mapped(self._source, *rung))
             if self._tried:
-                expected = self._palettes.expected
-                near = min(self._tried, key=lambda tried: abs(expected(tried) - expected(rung)))
-                lost = (_AIMING.points - self._tried[near]) * expected(rung) / expected(near)
-                self._above = result.content_quality - (_AIMING.points - lost)
-        return float(self._results[rung].content_quality)
+                place = self._palettes.expected
+                near = min(self._tried, key=lambda tried: abs(place(tried) - place(rung)))
+                self._above = float(self._found[rung].content_quality) - (self._tried[near] + place(rung) - place(near))
+        return float(self._found[rung].content_quality)
 
     def _trial(self, rung: _Rung) -> float:
-        n_matches = _AIMING.trial_matches if self._aim is None else None
-        result = self._palettes.mapped(self._sample, *rung, n_matches=n_matches)
+        if self._how.rate.coder == "lzw":  # of which few paths tell little
+            return self._result(rung)
+        result = self._palettes.mapped(self._sample, *rung, n_matches=_AIMING.trial_matches)
         self._tried[rung] = self._sample.quality(result)
         return self._tried[rung] + self._above
 
@@ -488,39 +529,32 @@ class _Palettes:
 
     def __init__(self, how: QuantizeOptions, source: Source) -> None:
         self.most: Any = how.n_colors or len(np.asarray(how.palette))
-        self._how, self._counted, self._of_phrases = how, source.counted, how.rate.coder == "lzw"
-        # The price up to which qualities are lowered before colors are.
-        self._free = _AIMING.price_of_phrases if self._of_phrases else _AIMING.price
+        self._how, self._counted, self._unlike = how, source.counted, 1.0
         with part(0, 0.1):
-            palette = finder(how)(source.counted)
-        self._has_all = how.palette is None and palette.tessellation is None
+            found = [*map(finder(how), source.counted)]
+        self._has_all = how.palette is None and all(one.tessellation is None for one in found)
         if self._has_all:
-            self.most = len(palette.colors)
-        least = self.most if how.palette is not None else fixed_colors(source.counted, how.locked)[2]
-        fewer = {max(round(2 ** (n / 8)), least) for n in range(8, 65)}
-        #: Numbers of colors that are tried, each a fifth more than the one before.
-        self.numbers = sorted({*(n for n in fewer if n < self.most), self.most})
-        self._of_number = {self.most: palette}
+            self.most = max(len(one.colors) for one in found)
+        self._found = {self.most: found}
         self._unmixed: dict[int, Any] = {}
 
     @cached_property
-    def _merged(self) -> Merged:
-        fixed = fixed_colors(self._counted, self._how.locked)[1]
-        samples = self._counted if self._has_all else None
-        return merged_colors(self._of_number[self.most], self.most, fixed, samples)
+    def _merged(self) -> list[Merged]:
+        fixed = [fixed_colors(samples, self._how.locked)[1] for samples in self._counted]
+        return [*map(merged_colors, self._found[self.most], repeat(self.most), fixed, self._counted)]
 
-    def mapped(self, pixels: Source, n_colors: int, price: float, n_matches: int | None = None) -> Any:
-        """Map pixels to a number of colors, at a price of bits."""
-        strength = self._how.dither_strength
-        if strength is None:
-            strength = COMPACT_STRENGTH - _AIMING.less * min(price / self._free, 1)
+    def mapped(
+        self, pixels: Source, n_colors: int, price: float, strength: float | None = None, n_matches: int | None = None
+    ) -> Any:
+        """Map pixels to a number of colors, at a price of bits and a strength of diffusion."""
+        strength = self._how.strength if strength is None else strength
         how = replace(self._how, price=price, dither_strength=strength, n_matches=n_matches, keeps_exact=False)
-        return pixels.mapped(self._palette(n_colors), how)
+        return pixels.mapped(self._of(n_colors), how)
 
     def unmixed(self, source: Source, n_colors: int) -> Any:
         """Map pixels to the nearest of a number of colors, and see how good that is."""
         if n_colors not in self._unmixed:
-            result = source.mapped(self._palette(n_colors), replace(self._how, dither=None))
+            result = source.mapped(self._of(n_colors), replace(self._how, dither=None))
             self._unmixed[n_colors] = _seen(source, result)
         return self._unmixed[n_colors]
 
@@ -532,37 +566,38 @@ class _Palettes:
         result = source.exact(self._how) if self._how.palette is None else None
         return result and _seen(source, result)
 
-    def _palette(self, n_colors: int) -> Palette:
-        """Find fewer colors from those that neighbors become: so quality hardly ever falls where colors are added."""
-        if n_colors not in self._of_number:
-            engine: Any = self._how.engine
-            for start in self._merged.starts[self.most - n_colors :][:1]:
-                engine = {**engine, "init": start}
+    def _of(self, n_colors: int) -> list[Palette]:
+        """Return the palettes of a number of colors."""
+        if n_colors not in self._found:
             with part(0, 0.1):
-                how = replace(self._how, n_colors=n_colors, engine=engine)
-                self._of_number[n_colors] = finder(how)(self._counted)
-        return self._of_number[n_colors]
+                self._found[n_colors] = [*map(self._fewer, self._merged, self._counted, repeat(n_colors))]
+        return self._found[n_colors]
 
-    def _by_error(self, n_colors: int) -> float:
-        """Return what is expected to be lost to a number of colors."""
-        energy = self._merged.energies[: self.most - n_colors + 1][-1]
-        return float(_AIMING.points_by_error * (255**2 * energy / self._merged.n_pixels) ** _AIMING.power)
+    def _fewer(self, merged: Merged, samples: ColorSamples, n_colors: int) -> Palette:
+        """Find fewer colors from those that neighbors become: so quality hardly ever falls where colors are added."""
+        engine: Any = self._how.engine
+        for start in merged.starts[self.most - n_colors :][:1]:
+            engine = {**engine, "init": start}
+        return finder(replace(self._how, n_colors=n_colors, engine=engine))(samples)
 
-    def _by_price(self, price: float, n_colors: int) -> float:
-        n_bits = math.log2(max(self.most if self._of_phrases else n_colors, 2))
-        return _AIMING.points_by_price * n_bits * price ** (_AIMING.power_of_phrases if self._of_phrases else 1)
+    def _error(self, n_colors: int) -> float:
+        """Return the mean squared error of a number of colors, to a power."""
+        n_merges = self.most - n_colors
+        energy, n_pixels = np.sum([(one.energies[: n_merges + 1][-1], one.n_pixels) for one in self._merged], axis=0)
+        return float((255**2 * energy / n_pixels) ** _AIMING.power)
 
     def expected(self, rung: _Rung) -> float:
-        """Return what is expected to be lost, of the quality of endlessly many colors at no price."""
-        return math.hypot(self._by_error(rung.n_colors), self._by_price(rung.price, rung.n_colors))
+        """Return the quality that is expected of a number of colors, at a price of bits and a strength of diffusion."""
+        price = rung.price ** (_AIMING.power_of_phrases if self._how.rate.coder == "lzw" else 1)
+        paid = _AIMING.points_by_price * price * math.log2(self.most)
+        lost = self._unlike * math.hypot(_AIMING.points_by_error * self._error(rung.n_colors), paid)
+        return _AIMING.points - lost * (1 + _AIMING.share_by_strength * (COMPACT_STRENGTH - rung.strength))
 
-    def rung(self, lost: float, n_colors: int | None = None) -> _Rung:
-        """Return the setting of an expected loss: the fewest colors that lose no more at the highest price."""
-        cheap = (n for n in self.numbers if self.expected(_Rung(n, self._free)) <= lost)
-        number = n_colors or next(cheap, self.most)
-        paid = math.sqrt(max(lost, 0) ** 2 - min(self._by_error(number), max(lost, 0)) ** 2)
-        price = (paid / self._by_price(1, number)) ** (1 / (_AIMING.power_of_phrases if self._of_phrases else 1))
-        return _Rung(number, min(max(price, _AIMING.least_price), _AIMING.dearer * self._free))
+    def expect(self, rung: _Rung, seen: float) -> None:
+        """Expect a loss of the usual times a factor, by which the quality seen would have been expected."""
+        usual = (_AIMING.points - self.expected(rung)) / self._unlike
+        ratio = (_AIMING.points - seen) / max(usual, 1e-9)
+        self._unlike = min(max(ratio, 1 / _AIMING.most_unlike), _AIMING.most_unlike)
 
 
 def _seen(source: Source, result: Any) -> Any:
@@ -578,7 +613,7 @@ def judged(source: Source, result: Any) -> Any:
 
 def _banding(source: Source, result: Any) -> float:
     pairs = zip(source.images, _each(result), strict=True)
-    return max(streaks(image, frame.image, has_alpha=source.counted.alpha) for image, frame in pairs)
+    return max(streaks(image, one.image, has_alpha=source.counted[0].alpha) for image, one in pairs)
 
 
 def _miss(quality: float, least: float) -> tuple[bool, float]:
@@ -589,3 +624,7 @@ def _miss(quality: float, least: float) -> tuple[bool, float]:
 def _each(result: Any) -> Sequence[Any]:
     """Return the results of all frames, or the single one."""
     return getattr(result, "results", (result,))
+
+
+def _most_colors(result: Any) -> int:
+    return max(len(one.palette) for one in _each(result))

@@ -179,7 +179,7 @@ class PictureSource(Source):
         # A masked array is passed on whole, with its mask.
         given = seen if self._has_idle_alpha else image
         self._samples = color_samples(given, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
-        self.counted = self._samples if weights is None else self._samples.weighted(weights)
+        self.counted = [self._samples if weights is None else self._samples.weighted(weights)]
         self.n_pixels = self._samples.inverse.size
         in_png = array.dtype in (np.uint8, np.uint16) and n_channels in (1, 3, 4)
         self._suffix, self._metadata = suffix or (".png" if in_png else ".npy"), metadata
@@ -220,11 +220,11 @@ class PictureSource(Source):
         n_colors = len(result.palette) + (result.inside is not None)
         if self._suffix == ".gif" and n_colors > MAX_ENTRIES:
             raise ValueError(f".gif holds images of at most {MAX_ENTRIES} colors, and this one has {n_colors}")
-        content = self._content(result)
-        pixels, notes = as_stored(content["images"][0], self._suffix)
+        found = self._content(result)
+        pixels, notes = as_stored(found["images"][0], self._suffix)
         for note in notes:
             warn(note)
-        return {**content, "images": [pixels]}
+        return {**found, "images": [pixels]}
 
     def _content(self, result: Quantized) -> dict[str, Any]:
         """Return what is written; where nodata is kept, it is not indexed."""
@@ -236,8 +236,8 @@ class PictureSource(Source):
                 pixels, palette = result.image, None
                 pixels = pixels[..., 0] if pixels.ndim == 3 and result.palette.shape[1] == 1 else pixels
         alpha = result.alpha if palette is None and pixels.ndim == 3 else None
-        content = {"images": [pixels], "palette": palette, "alpha": alpha, "metadata": metadata}
-        return {**content, "smallest": True} if self._smallest else content
+        found = {"images": [pixels], "palette": palette, "alpha": alpha, "metadata": metadata}
+        return {**found, "smallest": True} if self._smallest else found
 
     @property
     def is_drawn(self) -> bool:
@@ -248,53 +248,47 @@ class PictureSource(Source):
 
     def exact(self, how: QuantizeOptions) -> Quantized | None:
         """Return the image in all its colors, where a file may hold these in few bytes, as it holds gradients."""
-        colors = self._samples.colors
-        fits = (
-            self._smallest and colors.dtype == np.uint8 and colors.shape[1] in (1, 3, 4) and len(colors) <= MAX_COLORS
-        )
+        own = self._samples.colors
+        fits = self._smallest and own.dtype == np.uint8 and own.shape[1] in (1, 3, 4) and len(own) <= MAX_COLORS
         if (
             not fits
             or self._samples.inside is not None
             or roughness(self.images[0].reshape(*self._shape[:2], -1)) > _SMOOTH
         ):
             return None
-        return self.mapped(Palette(colors, None), replace(how, dither=None))
+        return self.mapped([Palette(own, None)], replace(how, dither=None))
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies, and as many more as keep the main colors."""
         taken = ("volume_power", "rng", "callback")
         options: dict[str, Any] = {name: value for name, value in how.engine.items() if name in taken}
-        n_colors, curve = auto_count(self.counted, space=how.space, **options)
-        n_colors = keeping_main_colors(self.counted, curve, n_colors, how.space)
+        n_colors, curve = auto_count(self.counted[0], space=how.space, **options)
+        n_colors = keeping_main_colors(self.counted[0], curve, n_colors, how.space)
         return max(n_colors, fixed_colors(self._samples, how.locked)[2]), curve
 
     def kept(self, palette: Array, how: QuantizeOptions) -> Quantized | None:
         """Return the image in its own palette, if that is small enough and has all its colors."""
         if not isinstance(how.n_colors, int) or how.locked is not None or how.color_bits is not None:
             return None
-        if (
-            len(palette) > how.n_colors
-            or palette.dtype != self._samples.colors.dtype
-            or palette.shape[1:] != (*self._shape, 1)[2:3]
-        ):
+        own = self._samples.colors
+        if len(palette) > how.n_colors or palette.dtype != own.dtype or palette.shape[1:] != (*self._shape, 1)[2:3]:
             return None
-        result = self.mapped(Palette(palette, None), how)
+        result = self.mapped([Palette(palette, None)], how)
         if result.energy or len(result.palette) > len(palette):
             return None
         return judged(self, result) if how.goal == "eyes" else result
 
-    def mapped(self, palette: Palette, how: QuantizeOptions) -> Quantized:
+    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Quantized:
         """Map the image to a palette."""
-        result = map_samples(
-            self._samples, palette.colors, how.space, how.dither, how.strength, how.rate, palette.tones
-        )
+        found = palettes[0]
+        result = map_samples(self._samples, found.colors, how.space, how.dither, how.strength, how.rate, found.tones)
         colors, alpha = result.palette, result.alpha
         if self._has_idle_alpha and not alpha:
             colors, alpha = with_alpha(colors), True
         n_channels = colors.shape[1]
         as_before = n_channels == 1 or self._shape[2:] == (n_channels,)
         shape = self._shape if as_before else (*self._shape[:2], n_channels)
-        result = replace(result, palette=colors, alpha=alpha, shape=shape, tessellation=palette.tessellation)
+        result = replace(result, palette=colors, alpha=alpha, shape=shape, tessellation=found.tessellation)
         return keep_outside(result, self._image)
 
 

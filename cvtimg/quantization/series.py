@@ -38,7 +38,7 @@ class QuantizedSeries(Fidelity):
     kind : {"image", "frames", "pages", "tiles"}
         What they are: an image, frames of an animation, pages, or an image that was read in tiles.
     n_distinct : int
-        Number of distinct colors of all images.
+        Number of distinct colors of all images; if each has its own palette, of the image with the most.
     quality, content_quality : float or None
         The mean `cvtimg.visual_quality` and `cvtimg.content_quality` of the images, where these were asked for.
     original : Frames, Pages or None
@@ -61,7 +61,7 @@ class QuantizedSeries(Fidelity):
         """Tell sizes, colors and error in one line."""
         shape = " x ".join(map(str, self.results[0].shape))
         several = f"{len(self.results)} {self.kind} of " if len(self.results) > 1 else ""
-        colors = f"{len(self.palette)} of {self.n_distinct} colors"
+        colors = f"{self.n_colors} of {self.n_distinct} colors"
         return f"QuantizedSeries({several}{shape}, {colors}, PSNR {self.psnr:.2f} dB)"
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
@@ -73,30 +73,29 @@ class QuantizedSeries(Fidelity):
         elif self.original is None:
             self.results[0].save(path, overwrite=overwrite)
         else:
-            frames, palette = self.content
-            write_frames(path, frames, palette=palette, overwrite=overwrite)
+            frames, palettes = self.content
+            write_frames(path, frames, palettes=palettes, overwrite=overwrite)
 
     def stored(self, pages: Pages, *, keeps_nodata: bool = False) -> tuple[tuple[Array, ...], Bytes | None, bool]:
         """Return pages as they are written: indices and their palette, or colors; and whether they have alpha."""
-        left_out, palette = any(page.inside is not None for page in self.results), self.palette
-        keeps = keeps_nodata or pages.is_joined
-        storing = Storing.of(palette, left_out=left_out, keeps_nodata=keeps, indexed=not pages.is_joined)
-        images = tuple(page.stored(storing) for page in self.results)
-        return images, palette if storing.indexed else None, storing.clears or (pages.has_alpha and not storing.indexed)
+        left_out, first = any(one.inside is not None for one in self.results), self.palette
+        shared = all(np.array_equal(one.palette, first) for one in self.results)
+        keeps, indexed = keeps_nodata or pages.is_joined, shared and not pages.is_joined
+        storing = Storing.of(first, left_out=left_out, keeps_nodata=keeps, indexed=indexed)
+        images = tuple(one.stored(storing) for one in self.results)
+        return images, first if storing.indexed else None, storing.clears or (pages.has_alpha and not storing.indexed)
 
     @property
-    def content(self) -> tuple[Frames, Bytes | None]:
-        """What `write_frames` takes: frames of indices and their palette, or frames of colors and None."""
+    def content(self) -> tuple[Frames, Bytes | Sequence[Bytes] | None]:
+        """What `write_frames` takes: frames of indices and their palettes, or frames of colors and None."""
         contents = [result.content for result in self.results]
         frames = self.original if isinstance(self.original, Frames) else Frames((contents[0][0],), (0.0,), 1)
-        # Where pixels are left out in some frames only, these alone have a color for them.
-        last = max((palette for _, palette in contents if palette is not None), key=len, default=None)
-        if any(palette is None for _, palette in contents):
-            last = None
-        pictures = tuple(
-            palette[pixels] if last is None and palette is not None else pixels for pixels, palette in contents
-        )
-        return replace(frames, images=pictures), last
+        palettes = [palette for _, palette in contents if palette is not None]
+        if len(palettes) < len(contents):
+            pictures = tuple(pixels if palette is None else palette[pixels] for pixels, palette in contents)
+            return replace(frames, images=pictures), None
+        shared = all(np.array_equal(palette, palettes[0]) for palette in palettes)
+        return replace(frames, images=tuple(pixels for pixels, _ in contents)), palettes[0] if shared else palettes
 
     @property
     def energy(self) -> float:
@@ -110,13 +109,18 @@ class QuantizedSeries(Fidelity):
 
     @property
     def palette(self) -> Array:
-        """The palette of all images."""
+        """The palette of the first image, and of all if they share it."""
         return self.results[0].palette
 
     @property
-    def tessellation(self) -> Tessellation | None:
-        """As in `Quantized`."""
-        return self.results[0].tessellation
+    def n_colors(self) -> int:
+        """Size of the largest palette."""
+        return max(len(one.palette) for one in self.results)
+
+    @property
+    def tessellations(self) -> tuple[Tessellation, ...]:
+        """Those of each palette that was found for more colors than it has."""
+        return tuple(one.tessellation for one in self.results if one.tessellation)
 
     @property
     def curve(self) -> EnergyCurve | None:
@@ -133,18 +137,18 @@ class QuantizedSeries(Fidelity):
             "height": first.shape[0],
             "channels": first.palette.shape[1],
             **({self.kind: len(self.results)} if self.kind in ("frames", "pages") else {}),
-            "left_out": sum(frame.n_left_out for frame in self.results),
+            "left_out": sum(one.n_left_out for one in self.results),
             "distinct_colors": self.n_distinct,
             **({"exact": first.exact} if self.kind == "tiles" else {}),
-            "k": len(self.palette),
+            "k": self.n_colors,
             **elbows,
             "energy": self.energy,
             "mse": self.mse,
             "psnr": self.psnr if math.isfinite(self.psnr) else None,  # JSON has no infinity
             **({} if self.quality is None else {"goal": "eyes", "quality": self.quality}),
             **({} if self.content_quality is None else {"content_quality": self.content_quality}),
-            "n_iter": self.tessellation.n_iter if self.tessellation else 0,
-            "converged": self.tessellation is None or self.tessellation.converged,
+            "n_iter": max((one.n_iter for one in self.tessellations), default=0),
+            "converged": all(one.converged for one in self.tessellations),
         }
 
 
@@ -154,6 +158,7 @@ def quantize_frames(
     *,
     psnr: float | None = None,
     max_bytes: int | None = None,
+    per_frame: bool = False,
     alpha: bool | None = None,
     masks: Sequence[ArrayLike | None] | None = None,
     space: SpaceName = "rgb",
@@ -167,10 +172,11 @@ def quantize_frames(
     quality: float | tuple[float, float] | None = None,
     **engine: Unpack[EngineOptions],
 ) -> QuantizedSeries:
-    """Find the palette that represents all frames of an animation with the least error.
+    """Find the palette that represents all frames of an animation with the least error, or one for each frame.
 
-    It is that of an image with the frames side by side: the densities of their colors add. Pages of a file, as of a
-    TIFF, count as frames; the result is saved as pages again.
+    Pages of a file, as of a TIFF, count as frames; the result is saved as pages again.
+
+    A palette for all frames is that of an image with the frames side by side: the densities of their colors add.
 
     Parameters
     ----------
@@ -183,6 +189,8 @@ def quantize_frames(
         Use the fewest colors that reach this quality in dB, over all frames.
     max_bytes : int, optional
         Use the most colors whose .gif has at most this size.
+    per_frame : bool
+        Find a palette for each frame. This lowers the error, but colors that stand still may change between frames.
     alpha : bool, optional
         Whether the last channel is alpha; by default if there are four channels, or if the pages say so.
     masks : sequence of (H, W) array or None, optional
@@ -210,17 +218,17 @@ def quantize_frames(
     check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
         n_colors, psnr=psnr, max_bytes=max_bytes, palette=palette, locked=locked, color_bits=color_bits, ramp=ramp,
-        space=space, dither=dither, dither_strength=dither_strength, goal=goal, quality=quality, engine=engine,
-        suffix=".gif",
+        space=space, dither=dither, dither_strength=dither_strength, goal=goal, quality=quality, per_frame=per_frame,
+        engine=engine, suffix=".gif",
     ).aimed()  # fmt: skip
     how.check()
     source = SeriesSource(frames, how, alpha, masks)
-    result: QuantizedSeries = quantized(source, source.how)
-    return result
+    found: QuantizedSeries = quantized(source, source.how)
+    return found
 
 
 class SeriesSource(Source):
-    """The frames of an animation, or pages: a `Source` of their palette; of a file, also what to keep of that."""
+    """The frames of an animation, or pages: a `Source` of their palettes; of a file, also what to keep of that."""
 
     def __init__(
         self,
@@ -247,7 +255,7 @@ class SeriesSource(Source):
         self._frames, self._metadata, self._suffix = frames, metadata, how.suffix
         pairs = zip(frames.images, masks, strict=True)
         self._samples = [color_samples(image, alpha=has_alpha, mask=mask) for image, mask in pairs]
-        self.counted = merge_samples(self._samples)
+        self.counted = self._samples if how.per_frame else [merge_samples(self._samples)]
         self.images, self.n_pixels = frames.images, sum(samples.inverse.size for samples in self._samples)
 
     def size(self, result: QuantizedSeries) -> int:
@@ -257,32 +265,35 @@ class SeriesSource(Source):
             images, palette, alpha = self.stored(result).values()
             encode_pages(content, replace(self._frames, images=tuple(images), has_alpha=bool(alpha)).parted(), palette)
             return content.tell()
-        return len(encode_frames(self._suffix, *result.content, self._metadata))
+        frames, palettes = result.content
+        return len(encode_frames(self._suffix, frames, palettes, self._metadata))
 
     def stored(self, result: QuantizedSeries) -> dict[str, Any]:
         """Return what a file of them holds."""
         if isinstance(self._frames, Pages):
             images, palette, alpha = result.stored(self._frames, keeps_nodata=self._keeps_nodata)
             return {"images": images, "palette": palette, "alpha": alpha}
-        frames, palette = result.content
-        return {"images": frames.images, "palette": palette, "metadata": self._metadata}
+        frames, palettes = result.content
+        return {"images": frames.images, "palette": palettes, "metadata": self._metadata}
 
-    def mapped(self, palette: Palette, how: QuantizeOptions) -> QuantizedSeries:
-        """Map each frame to the palette."""
+    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> QuantizedSeries:
+        """Map each frame to its palette, or to the one of all."""
         # A given palette may need a transparent color, the same in all.
-        if how.palette is not None and not how.ramp and self.counted.alpha:
-            palette = Palette(map_samples(self.counted, palette.colors, how.space, None, 1.0).palette, None)
+        if how.palette is not None and not how.ramp and self.counted[0].alpha:
+            palettes = [Palette(map_samples(self.counted[0], palettes[0].colors, how.space, None, 1.0).palette, None)]
         frames, results = self._frames, list[Quantized]()
-        for image, samples in zip(frames.images, self._samples, strict=True):
+        of_frames = palettes if len(palettes) == len(self._samples) else list(palettes) * len(self._samples)
+        for image, samples, found in zip(frames.images, self._samples, of_frames, strict=True):
             below = None
-            if results and samples.inside is None:
+            if results and len(palettes) == 1 and samples.inside is None:
                 below = Below(results[-1].indices, _still(frames.images[len(results) - 1], image))
             result = map_samples(
-                samples, palette.colors, how.space, how.dither, how.strength, how.rate, palette.tones, below
+                samples, found.colors, how.space, how.dither, how.strength, how.rate, found.tones, below
             )
-            results.append(keep_outside(replace(result, tessellation=palette.tessellation), image))
+            results.append(keep_outside(replace(result, tessellation=found.tessellation), image))
         kind = "pages" if isinstance(frames, Pages) else "frames"
-        return QuantizedSeries(tuple(results), kind, self.counted.n_colors, original=frames)
+        n_distinct = max(samples.n_colors for samples in self.counted)
+        return QuantizedSeries(tuple(results), kind, n_distinct, original=frames)
 
 
 def _still(before: Array, image: Array) -> Bools:

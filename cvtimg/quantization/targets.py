@@ -58,5 +58,5 @@ def toward(target: float, seen: dict[float, float]) -> float:
     near, *others = places if seen[places[0]] >= target else places[::-1]
     growth = 1.0
     for other in [other for other in others if abs(other - near) > _APART][:1]:
-        growth = min(max((seen[other] - seen[near]) / (other - near), 0.5), 2.0)
+        growth = min(max((seen[other] - seen[near]) / (other - near), 0.25), 2.0)
     return near + min(max((target - seen[near]) / growth, -_FARTHEST), _FARTHEST)

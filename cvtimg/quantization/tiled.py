@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,25 +31,25 @@ class TiledSource:
                 count = count.plus(color_samples(pixels, alpha=stack.content.form.alpha))
         self._n_distinct, self._exact = count.n_distinct, count.exact
         # Counts may take more memory than the bands, and are let go before the pixels are mapped.
-        self.counted = count.of_some("is not left out")
+        self.counted = [count.of_some("is not left out")]
 
-    def mapped(self, palette: Palette, how: QuantizeOptions) -> Quantized:
+    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Quantized:
         """Map the pixels to a palette, and write them."""
-        form, samples = self._stack.content.form, self.counted
-        colors = check_colors("palette", palette.colors, samples.colors.dtype)
+        form, samples = self._stack.content.form, self.counted.pop()
+        colors = check_colors("palette", palettes[0].colors, samples.colors.dtype)
         alpha = form.alpha and colors.shape[1] == samples.colors.shape[1]
         if alpha and CLEAR in kinds_of(samples.colors, True) and CLEAR not in kinds_of(colors, True):
             colors = map_to_palette(samples, colors, space=how.space).palette
-        del samples, self.counted
+        del samples
         # One pixel shows how a palette and an image of unequal channels agree.
         white = np.full((1, 1, *form.shape[2:]), white_of(form.dtype), form.dtype)
-        shown = map_to_palette(white, colors, alpha=form.alpha, space=how.space)
-        n_channels = shown.palette.shape[1]
+        one = map_to_palette(white, colors, alpha=form.alpha, space=how.space)
+        n_channels = one.palette.shape[1]
         leaves_out = self._stack.mask is not None or self._stack.nodata is not None
         # A color that is the mean of others, or an index, is not the value of unknown pixels.
         keeps = leaves_out and form.nodata is not None and not (colors == form.nodata).all(axis=1).any()
         indexed = self._target.suffix.lower() != ".zarr"
-        storing = Storing.of(shown.palette, left_out=leaves_out, keeps_nodata=keeps, indexed=indexed)
+        storing = Storing.of(one.palette, left_out=leaves_out, keeps_nodata=keeps, indexed=indexed)
         bands_of_one = n_channels == 1 or storing.indexed
         last = (4,) if storing.clears else () if bands_of_one else (n_channels,)
         energy, n_left_out = 0.0, 0
@@ -70,19 +70,19 @@ class TiledSource:
         self._stack.write(
             self._target,
             mapped_bands(),
-            palette=shown.palette if storing.indexed else None,
+            palette=one.palette if storing.indexed else None,
             alpha=storing.clears or (form.alpha and (*form.shape[:2], *last) == form.shape),
             nodata=form.nodata if keeps else None,
             overwrite=self._overwrite,
         )
         return Quantized(
-            palette=shown.palette,
+            palette=one.palette,
             indices=None,
             shape=form.shape,
             energy=energy,
-            tessellation=palette.tessellation,
+            tessellation=palettes[0].tessellation,
             n_distinct=self._n_distinct,
-            alpha=shown.alpha and n_channels == colors.shape[1],
+            alpha=one.alpha and n_channels == colors.shape[1],
             n_left_out=n_left_out,
             exact=self._exact,
         )

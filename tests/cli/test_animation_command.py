@@ -29,10 +29,13 @@ def film(photograph: Bytes) -> Frames:
 
 
 @pytest.mark.parametrize("suffix", ["gif", "png", "webp"])
-@pytest.mark.parametrize("words", [[], ["--dither", "blue-noise"]])
+@pytest.mark.parametrize("words", [[], ["--palette-per-frame"], ["--dither", "blue-noise"]])
 def test_an_animation_stays_one(film: Frames, row_of: RowOf, suffix: str, words: list[str]) -> None:
     row = row_of("quantize", "film.gif", "-k", "12", "-o", f"out.{suffix}", *words)
-    expected = quantize_frames(film, 12, dither="blue-noise" if words else None)
+    options: dict[str, Any] = {"per_frame": "--palette-per-frame" in words}
+    if "--dither" in words:
+        options["dither"] = "blue-noise"
+    expected = quantize_frames(film, 12, **options)
     again = read_frames(f"out.{suffix}")
     assert (again.durations, again.plays) == (film.durations, 0)
     for got, one in zip(again.images, expected.results, strict=True):

@@ -45,6 +45,7 @@ CHOSEN = {("restore", "effort"), ("design", "latin")}
 #: What some options need before they can be given, and values of those that are texts.
 WITH = {
     "dither_strength": "-k 3 --dither blue-noise",
+    "per_frame": "-k 3",
     "ramp": "--palette game-boy",
     "radius_range": "--dots sized",
     "tones": "--layers cmyk",

@@ -40,6 +40,8 @@ def test_quantize_finds_one_palette_for_all_pages(row_of: RowOf) -> None:
     whole = quantize(np.concatenate(STACK), 9)
     np.testing.assert_array_equal(np.concatenate(pages_of("few.tif")), whole.image)
     assert (row["pages"], row["k"], row["energy"]) == (3, 9, pytest.approx(whole.energy))
+    row = row_of("quantize", "rgb.tif", "-k", "9", "-o", "each.tif", "--palette-per-frame")
+    np.testing.assert_array_equal(pages_of("each.tif"), np.stack([quantize(page, 9).image for page in STACK]))
 
 
 def test_pages_of_a_volume_have_no_edges_with_each_other(row_of: RowOf) -> None:

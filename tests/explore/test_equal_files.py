@@ -233,7 +233,7 @@ def test_a_given_palette_gives_the_same_file(dither: str, store: Store, scene: N
 
 ANIMATED: list[tuple[str, dict[str, Any]]] = [
     ("colors", {"k": 8}),
-    ("colors", {"k": 8, "dither": "bayer", "locked": ["#00ff7f"]}),
+    ("colors", {"k": 8, "per_frame": True, "dither": "bayer", "locked": ["#00ff7f"]}),
     ("colors", {"aim": "psnr", "psnr": 25.0}),
     ("colors", {"aim": "palette", "palette": ["nes"]}),
     ("segments", {"regions": 4}),

@@ -540,6 +540,8 @@ def test_frames_are_scrubbed(visit: Go, folder: Path) -> None:
     assert page.inner_text("#filmname") == "Frame"
     assert page.inner_text("#framename") == "4 / 4"
     assert page.inner_text("#command") == "cvtimg quantize spin.png -k 16 -o spin-quantized.png"
+    page.check("#c-per_frame")
+    assert "--palette-per-frame" in one.command()
     one.choose("segments")
     assert "cvtimg segment spin.png --page 4" in one.command()
     page.select_option("#pictures", label="photo.png")

@@ -49,13 +49,13 @@ def assert_same(path: Path, images: Any, durations: Any = DURATIONS, plays: int 
         np.testing.assert_array_equal(got, wanted)
 
 
-@pytest.mark.parametrize(("plays", "size"), [(0, 16), (1, 17), (2, 255), (3, 256)])
+@pytest.mark.parametrize(("plays", "sizes"), [(0, [16] * 5), (1, [16] * 5), (3, [256, 16, 255, 17, 16])])
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_every_frame_comes_back_with_its_duration(tmp_path: Path, suffix: str, plays: int, size: int) -> None:
+def test_every_frame_comes_back_with_its_duration(tmp_path: Path, suffix: str, plays: int, sizes: list[int]) -> None:
     frames = animation(plays)
-    palette = RNG.integers(0, 256, (size, 3), np.uint8)
-    write_frames(tmp_path / f"a{suffix}", frames, palette=palette)
-    wanted = [palette[image] for image in frames.images]
+    palettes = [PALETTE if plays == 0 else RNG.integers(0, 256, (size, 3), np.uint8) for size in sizes]
+    write_frames(tmp_path / f"a{suffix}", frames, palettes=palettes if plays else PALETTE)
+    wanted = [palette[image] for palette, image in zip(palettes, frames.images, strict=True)]
     assert_same(tmp_path / f"a{suffix}", wanted, plays=plays)
     with Image.open(tmp_path / f"a{suffix}") as image:
         seen = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(image)]
@@ -65,7 +65,7 @@ def test_every_frame_comes_back_with_its_duration(tmp_path: Path, suffix: str, p
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_single_frame_is_read_by_its_number(tmp_path: Path, suffix: str) -> None:
     frames, path = animation(), tmp_path / f"a{suffix}"
-    write_frames(path, frames, palette=PALETTE)
+    write_frames(path, frames, palettes=PALETTE)
     np.testing.assert_array_equal(read_image(path, page=2), PALETTE[frames.images[1]])
     with selecting(Selection(page=2)):
         np.testing.assert_array_equal(read_pages(path).images[0], PALETTE[frames.images[1]])
@@ -93,7 +93,7 @@ def over_green(image: Array) -> Array:
 
 def test_durations_that_a_gif_cannot_tell_do_not_drift(tmp_path: Path) -> None:
     images = tuple(RNG.integers(0, 16, (4, 4)) for _ in range(30))
-    write_frames(tmp_path / "a.gif", Frames(images, (100 / 3,) * 30, 0), palette=PALETTE)
+    write_frames(tmp_path / "a.gif", Frames(images, (100 / 3,) * 30, 0), palettes=PALETTE)
     durations = read_frames(tmp_path / "a.gif").durations
     assert set(durations) == {30.0, 40.0}
     ends = np.array([*itertools.accumulate(durations)])
@@ -104,7 +104,7 @@ def test_durations_that_a_gif_cannot_tell_do_not_drift(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".png", ".webp"])
 def test_long_durations_are_told(tmp_path: Path, suffix: str, duration: int) -> None:
     images = tuple(RNG.integers(0, 16, (4, 4)) for _ in range(2))
-    write_frames(tmp_path / f"a{suffix}", Frames(images, (duration, 10), 0), palette=PALETTE)
+    write_frames(tmp_path / f"a{suffix}", Frames(images, (duration, 10), 0), palettes=PALETTE)
     assert read_frames(tmp_path / f"a{suffix}").durations[0] == pytest.approx(duration, rel=1e-3)
 
 
@@ -115,8 +115,8 @@ def test_the_files_are_small(tmp_path: Path) -> None:
     for number, image in enumerate(images):
         image[number, number] = (image[number, number] + 1) % 16
     for suffix in SUFFIXES:
-        write_frames(tmp_path / f"one{suffix}", Frames((still, still), (10, 10), 0), palette=PALETTE)
-        write_frames(tmp_path / f"all{suffix}", Frames(tuple(images), (10,) * 10, 0), palette=PALETTE)
+        write_frames(tmp_path / f"one{suffix}", Frames((still, still), (10, 10), 0), palettes=PALETTE)
+        write_frames(tmp_path / f"all{suffix}", Frames(tuple(images), (10,) * 10, 0), palettes=PALETTE)
         one, ten = ((tmp_path / f"{name}{suffix}").stat().st_size for name in ("one", "all"))
         assert ten < 1.5 * one
     assert (tmp_path / "all.png").read_bytes()[24:26] == bytes([4, 3])
@@ -139,8 +139,9 @@ def test_disposal_of_a_gif_is_honoured(tmp_path: Path, disposal: int) -> None:
     frames = read_frames(tmp_path / "a.gif")
     assert frames.durations == (50, 60, 70)
     result = quantize_frames(frames, 16)
-    result.save(tmp_path / "b.gif")
-    result.save(tmp_path / "b.png")
+    shown, palettes = result.content
+    write_frames(tmp_path / "b.gif", shown, palettes=palettes)
+    write_frames(tmp_path / "b.png", shown, palettes=palettes)
     for again in (read_frames(tmp_path / "b.gif"), read_frames(tmp_path / "b.png")):
         for got, wanted in zip(again.images, frames.images, strict=True):
             np.testing.assert_array_equal(over_green(rgba(got)), over_green(rgba(wanted)))
@@ -180,7 +181,7 @@ def test_pages_are_no_frames(tmp_path: Path) -> None:
 def test_a_truncated_animation_is_named_with_the_reason(tmp_path: Path, suffix: str, fraction: float) -> None:
     path = tmp_path / f"a{suffix}"
     images = tuple(RNG.integers(0, 16, (40, 40)) for _ in range(5))
-    write_frames(path, Frames(images, DURATIONS, 0), palette=PALETTE)
+    write_frames(path, Frames(images, DURATIONS, 0), palettes=PALETTE)
     path.write_bytes(path.read_bytes()[: int(path.stat().st_size * fraction)])
     with pytest.raises(OSError, match=f"^{re.escape(str(path))}: is [^\n]+$"):
         read_frames(path)
@@ -212,6 +213,7 @@ def test_frames_that_make_no_sense_are_refused(images: Any, durations: Any, play
         ("a.gif", PALETTE[scene()], None, r"\.gif holds frames of at most 256 colors"),
         ("a.gif", scene(), np.full((16, 4), 128, np.uint8), r"\.gif cannot hold half transparency; use one of \.png"),
         ("a.png", scene(), PALETTE[:9], r"indices in 0\.\.\d+ must be in 0\.\.8"),
+        ("a.png", scene(), [PALETTE] * 4, "4 palettes must be one for each of the 5 frames"),
         ("a.png", scene(), PALETTE[:, :2], r"palette of shape \(16, 2\)"),
         ("a.png", PALETTE[scene()].astype(np.uint16), None, "images without palettes must be"),
     ],
@@ -220,7 +222,7 @@ def test_what_a_format_cannot_hold_is_refused_and_leaves_nothing(
     tmp_path: Path, name: str, images: Any, palettes: Any, reason: str
 ) -> None:
     with pytest.raises(ValueError, match=reason):
-        write_frames(tmp_path / name, Frames(tuple(images), DURATIONS, 0), palette=palettes)
+        write_frames(tmp_path / name, Frames(tuple(images), DURATIONS, 0), palettes=palettes)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -243,10 +245,18 @@ def test_one_palette_is_that_of_the_frames_side_by_side(photograph: Array) -> No
     assert (result.psnr, result.n_distinct) == (pytest.approx(beside.psnr), beside.n_distinct)
 
 
+def test_a_palette_for_each_frame_is_that_of_the_frame_and_has_less_error(photograph: Array) -> None:
+    frames = film(photograph)
+    result = quantize_frames(frames, 12, per_frame=True)
+    for one, image in zip(result.results, frames.images, strict=True):
+        np.testing.assert_array_equal(one.image, quantize(image, 12).image)
+    assert result.energy < quantize_frames(frames, 12).energy
+
+
 def test_more_than_256_colors_are_frames_without_palettes(tmp_path: Path, photograph: Array) -> None:
     result = quantize_frames(film(photograph), 300)
-    shown, palette = result.content
-    assert palette is None
+    shown, palettes = result.content
+    assert palettes is None
     write_frames(tmp_path / "a.png", shown)
     assert_same(tmp_path / "a.png", [one.image for one in result.results], shown.durations)
 

@@ -37,7 +37,7 @@ def test_each_file_goes_its_way() -> None:
         reading, writing = Reading(tiles=tiles), Writing(save_palette=f"{target}.hex")
         how = QuantizeOptions(8)
         result = quantize_file(source, target, how, reading=reading, writing=writing, on_stage=stages.append)
-        found[target] = (result.kind, len(result.results), len(result.palette))
+        found[target] = (result.kind, len(result.results), result.n_colors)
         np.testing.assert_array_equal(np.sort(read_palette(f"{target}.hex"), axis=0), np.sort(result.palette, axis=0))
     assert found == {
         "b.png": ("image", 1, 8),

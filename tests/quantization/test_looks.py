@@ -49,10 +49,10 @@ def test_a_quality_is_reached_in_five_mappings_and_not_much_more_and_less_gives_
     for quality in (30, 60, 80):
         n_mappings.append(0)
         result = cvtimg.quantize(PART, quality=quality, **FAST)
-        assert quality <= result.quality < quality + 2
+        assert quality <= result.quality < quality + (2 if quality < 60 else 0.5)
         assert result.quality == cvtimg.visual_quality(PART, result.image)
         sizes.append(n_bytes(result))
-    assert max(n_mappings) <= 5  # four, and one more until it is reached
+    assert max(n_mappings[1:]) <= 5  # of few colors each is a step of some points
     assert sizes[0] < sizes[1] < 0.9 * sizes[2]
     monkeypatch.setattr(driver, "_AIMING", driver._AIMING._replace(n_trials=1))  # more until it is reached
     assert cvtimg.quantize(PART, quality=45, **FAST).quality >= 45
@@ -71,7 +71,7 @@ def test_a_large_image_is_searched_in_pieces_and_reaches_its_quality(monkeypatch
     result = cvtimg.quantize(cat, quality=83, **FAST)
     assert 83 <= cvtimg.visual_quality(cat, result.image) < 84
     assert 9 * 64**2 in sizes
-    assert sizes.count(cat[..., 0].size) <= 4  # in pieces so small the quality is a little different
+    assert sizes.count(cat[..., 0].size) <= 3  # in pieces so small the quality is a little different
 
 
 def test_a_quality_out_of_reach_gives_the_best_and_tells_what_can_be_had() -> None:
@@ -135,7 +135,7 @@ def test_a_pan_of_few_colors_is_no_larger_than_its_frames_alone_and_reaches_a_lo
         result = quantize_file(tmp_path / f"{name}.webp", tmp_path / f"{name}.gif", how)
         assert result.content_quality == pytest.approx(60, abs=3)
         sizes.append((tmp_path / f"{name}.gif").stat().st_size)
-    assert sizes[0] < 1.3 * sum(sizes[1:])
+    assert sizes[0] < 1.2 * sum(sizes[1:])
 
 
 def test_a_noisy_animation_keeps_what_is_hardly_seen_and_has_half_the_bytes(tmp_path: Path) -> None:
@@ -191,9 +191,9 @@ def test_the_best_that_fits(tmp_path: Path) -> None:
     cvtimg.write_image(source, PART)
     fits = quantize_file(source, tmp_path / "b.png", QuantizeOptions(goal="eyes", max_bytes=8_000, engine=FAST))
     assert 6_000 < (tmp_path / "b.png").stat().st_size <= 8_000
-    assert len(fits.palette) > 100
+    assert fits.n_colors > 100
     small = quantize_file(source, tmp_path / "small.png", QuantizeOptions(goal="eyes", max_bytes=4_000, engine=FAST))
-    assert len(small.palette) > 100  # few colors would look worse than a high price of bits
+    assert small.n_colors > 100  # few colors would look worse than a high price of bits
     quantize_file(source, tmp_path / "c.png", QuantizeOptions(quality=50, max_bytes=25_000, engine=FAST))
     assert (tmp_path / "c.png").stat().st_size < 8_000  # which is enough for that quality
 

@@ -91,6 +91,7 @@ class ColorsTab(Tab):
             about="Kept in the palette as they are. Pick them in the image, or lock colors of the palette.",
         ),
         ("color_bits", {"when": {"aim": list(_SEARCHED)}}),
+        ("palette_per_frame", {"name": "per_frame", "when": {"aim": ["k", "psnr"]}, "only": "animations"}),
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
         replace(BRUSH, only="images"),
         MASK,
@@ -102,7 +103,11 @@ class ColorsTab(Tab):
             is_film = isinstance(request.source.frames, Frames)
             ends = {f"Animation, {end[1:].upper()}": end for end in (".gif", ".png", ".webp")} if is_film else _PAGES
             images = [Output(label, "-o", "{}-quantized" + end) for label, end in ends.items()]
-            return [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS_OF_ALL)]
+            return (
+                images
+                if request.settings["per_frame"]
+                else [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS_OF_ALL)]
+            )
         shape, dtype = request.picture.array.shape, request.picture.array.dtype
         in_png = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
         suffixes = [".png", ".webp", ".gif"][: None if dtype == np.uint8 else 1] if in_png else [".npy"]
@@ -259,7 +264,7 @@ def _fitting(request: Request) -> Request:
     """Return a request without what single pictures, or animations, do not have."""
     settings = request.settings
     if not request.source.frames:
-        return request
+        return replace(request, settings={**settings, "per_frame": False})
     if settings["aim"] in ("auto", "max_bytes"):
         raise UnfitRequestError(f"{request.source.noun}s: choose by number of colors, quality or a given palette")
     if request.source.header.kind == "pages" and request.picture.known is not None:

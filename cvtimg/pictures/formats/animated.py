@@ -61,22 +61,23 @@ def _changes(cels: Sequence[Cel]) -> Iterator[Bools]:
 
 def write_gif(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, _: Metadata) -> None:
     """Write frames with at most 256 colors each, without partial transparency."""
-    palette = cels[0].palette
-    if palette is None:
+    palettes = [cel.palette for cel in cels if cel.palette is not None]
+    if len(palettes) < len(cels):
         raise ValueError(".gif holds frames of at most 256 colors, each an index into a palette")
-    if ((palette[:, 3:] > 0) & (palette[:, 3:] < 255)).any():
+    if any(((palette[:, 3:] > 0) & (palette[:, 3:] < 255)).any() for palette in palettes):
         raise ValueError(".gif cannot hold half transparency; use one of .png, .webp")
     height, width = cels[0].pixels.shape
-    table = _gif_table(palette)
-    packed = 0x70 | 0x80 | (len(table) // 3).bit_length() - 2
+    shared = all(palette is palettes[0] for palette in palettes)
+    table = _gif_table(palettes[0]) if shared else b""
+    packed = 0x70 | (0x80 | (len(table) // 3).bit_length() - 2 if shared else 0)
     file.write(b"GIF89a" + struct.pack("<HHBBB", width, height, packed, 0, 0) + table)
     if plays != 1:
         file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", min(max(plays - 1, 0), _MOST)) + b"\0")
     clears = any((cel.image[..., 3:] == 0).any() for cel in cels)
     disposal = 2 if clears else 1  # to clear a frame before drawing the next, or to keep it
     for cel, changed, length in zip(cels, _changes(cels), _whole(durations, 10, _MOST), strict=True):
-        options = {"duration": 10 * length, "disposal": disposal, "include_color_table": False}
-        file.write(b"".join(_gif_frame(cel.pixels, palette, changed, clears, options)))
+        options = {"duration": 10 * length, "disposal": disposal, "include_color_table": not shared}
+        file.write(b"".join(_gif_frame(cel, changed, clears, options)))
     file.write(b";")
 
 
@@ -86,10 +87,11 @@ def _gif_table(palette: Bytes) -> bytes:
     return palette[:, :3].tobytes().ljust(3 << (n_entries - 1).bit_length(), b"\0")
 
 
-def _gif_frame(pixels: Array, palette: Bytes, changed: Bools, clears: bool, options: dict[str, Any]) -> list[bytes]:
+def _gif_frame(cel: Cel, changed: Bools, clears: bool, options: dict[str, Any]) -> list[bytes]:
     """Encode a frame: the pixels that changed, or all visible pixels if the animation has transparency."""
-    box = _box(palette[pixels, 3] > 0 if clears else changed)
-    shown, moved = pixels[box.place], changed[box.place]
+    palette = np.empty((0, 3), np.uint8) if cel.palette is None else cel.palette
+    box = _box(cel.image[..., 3] > 0 if clears else changed)
+    shown, moved = cel.pixels[box.place], changed[box.place]
     clear = np.flatnonzero(palette[:, 3] == 0) if clears else np.empty(0, int)
     if len(clear):
         shown, options["transparency"] = np.where(np.isin(shown, clear), clear[0], shown), int(clear[0])
@@ -98,8 +100,8 @@ def _gif_frame(pixels: Array, palette: Bytes, changed: Bools, clears: bool, opti
         # Marking unchanged pixels as transparent compresses better than repeating their colors, unless they are few.
         forms.append((np.where(moved, shown, len(palette)), {**options, "transparency": len(palette)}))
     frames = []
-    for indices, told in forms:
-        picture = Image.fromarray(np.ascontiguousarray(indices, np.uint8))
+    for pixels, told in forms:
+        picture = Image.fromarray(np.ascontiguousarray(pixels, np.uint8))
         picture.putpalette(_gif_table(palette))
         frames.append(GifImagePlugin.getdata(picture, (box.left, box.top), **told))
     return min(frames, key=lambda parts: sum(map(len, parts)))

@@ -20,9 +20,13 @@ Space = Literal["rgb", "linear", "lab", "oklab"]
 Dither = Literal["none", "floyd-steinberg", "edge-aware", "blue-noise"]
 
 
-@magic_factory(call_button="Quantize", n_colors={"label": "Colors", "min": 1, "max": 65536})
+@magic_factory(
+    call_button="Quantize",
+    n_colors={"label": "Colors", "min": 1, "max": 65536},
+    together={"label": "Same colors in all planes"},
+)
 def quantize(
-    image: Image, n_colors: int = 16, space: Space = "rgb", dither: Dither = "none"
+    image: Image, n_colors: int = 16, space: Space = "rgb", dither: Dither = "none", together: bool = True
 ) -> FunctionWorker[LayerDataTuple]:
     """Show an image in the colors that represent it with the least error."""
 
@@ -32,14 +36,16 @@ def quantize(
         found = cvtimg.quantize_frames(
             Frames(planes.arrays, (0.0,) * len(planes.arrays), 1),
             n_colors,
+            per_frame=not together,
             alpha=image.rgb and planes.arrays[0].shape[2] == 4,
             space=space,
             dither=None if dither == "none" else dither,
         )
         data = planes.put_together([one.image for one in found.results])
+        palettes = [one.palette for one in found.results]
         attributes = placed(
             image, f"in {n_colors} colors", "image",
-            palette=found.palette, mse=found.mse, psnr=found.psnr,
+            palette=palettes[0] if together else palettes, mse=found.mse, psnr=found.psnr,
         )  # fmt: skip
         return data, attributes, "image"
 
