@@ -96,7 +96,7 @@ class Report:
         if not (self.as_json or self.quiet):
             if self._counts["done"] and self._columns:
                 self._print_table([row for row in self.rows if row["status"] == "done"])
-                if self._note:
+                if self._note and any(row.get("goal") == "eyes" for row in self.rows):
                     print(self._note, file=sys.stderr, flush=True)
             if len(self.rows) > 1 or self._counts["skipped"]:
                 print(self._summary(), file=sys.stderr, flush=True)

@@ -41,6 +41,8 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         header["nodata"] = str(header["nodata"])  # JSON has no such numbers
     image = read_whole(task.source)
     pixels = image.reshape(1, image.shape[0] * image.shape[1], -1)
+    if header["alpha"] and pixels.shape[2] in (2, 4):
+        pixels = pixels * (pixels[..., -1:] > 0)  # what is hidden is one color
     known = pixels[:, np.isfinite(pixels).all(axis=(0, 2))] if image.dtype.kind == "f" else pixels
     n_colors = color_samples(known).n_colors if known.size else 0
     row = {**header, "distinct_colors": n_colors}

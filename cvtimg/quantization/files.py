@@ -221,11 +221,11 @@ def quantize_file(
         work = SeriesSource(stack.content, how, None, masks, metadata, keeps_nodata=keeps_nodata)
         how = work.how
     lap("read")
-    found = kept if kept is not None and how.goal == "error" else quantized(work, how)
-    found = kept if kept is not None and not found.energy else found
+    content = kept if kept is not None and how.goal == "error" else quantized(work, how)
+    content = kept if kept is not None and not content.energy else content
     lap("cluster")
-    stack.write(target, **work.stored(found), optimize=writing.optimize, overwrite=writing.overwrite)
-    result = found if isinstance(found, QuantizedSeries) else QuantizedSeries.of(found, "image")
+    stack.write(target, **work.stored(content), optimize=writing.optimize, overwrite=writing.overwrite)
+    result = content if isinstance(content, QuantizedSeries) else QuantizedSeries.of(content, "image")
     _write_palette(writing, result)
     lap("write")
     return result
@@ -244,7 +244,8 @@ def _for_screens(stack: Stack) -> bool:
 
 def _check_fit(stack: Stack, target: Path, how: QuantizeOptions, reading: Reading, writing: Writing) -> None:
     """Refuse what files of a kind cannot have, and targets that cannot hold them."""
-    values = [(field.name, getattr(one, field.name)) for one in (how, reading, writing) for field in fields(one)]
+    records = how, reading, writing
+    values = [(field.name, getattr(record, field.name)) for record in records for field in fields(record)]
     given = {name for name, value in values if value is not None and value is not False}
     given |= {f"{name}={value!r}" for name, value in values if isinstance(value, str)}
     options, reason = _UNFIT[stack.kind]
@@ -295,10 +296,9 @@ def _write_palette(writing: Writing, result: QuantizedSeries) -> None:
     if writing.save_palette is not None:
         from cvtimg.palettes.files import write_palette
 
-        counted = [one.indices.ravel() for one in result.results if one.indices is not None]
-        density: Any = sum(np.bincount(indices, minlength=len(result.palette)) for indices in counted)
-        path, overwrite = writing.save_palette, writing.overwrite
-        write_palette(path, result.palette, density=density if counted else None, overwrite=overwrite)
+        indices = [image.indices.ravel() for image in result.results if image.indices is not None]
+        density = np.bincount(np.concatenate(indices), minlength=len(result.palette)) if indices else None
+        write_palette(writing.save_palette, result.palette, density=density, overwrite=writing.overwrite)
 
 
 def _metadata(
@@ -314,5 +314,5 @@ def _metadata(
         return replace(read_metadata(source, keep_profile=keep_profile), nodata=nodata)
     if not tiffs:
         return None
-    found = read_metadata(source)
-    return Metadata(geo=found.geo, nodata=nodata, dpi=found.dpi if found.scale else None, scale=found.scale)
+    whole = read_metadata(source)
+    return replace(whole, icc=None, exif=None, nodata=nodata, dpi=whole.dpi if whole.scale else None)

@@ -95,11 +95,11 @@ def hardware_colors(
         return colors, labels, errors(ends, labels)
 
     def filled(colors: Array) -> tuple[Array, Ints, Floats]:
-        found = assigned(colors)
-        gains = np.bincount(cells, np.maximum(found[2] - least, 0))
+        plain = assigned(colors)
+        gains = np.bincount(cells, np.maximum(plain[2] - least, 0))
         best = np.argsort(-gains, kind="stable")[: n_colors - len(colors)]
         best = best[gains[best] > 0]
-        return assigned(_distinct(colors, near.colors[best])) if len(best) else found
+        return assigned(_distinct(colors, near.colors[best])) if len(best) else plain
 
     colors, labels, error = filled(_distinct(fixed, rounded(start, bits, space)))
 

@@ -57,7 +57,7 @@ def map_for_eyes(
     bits = rate.price * np.log2(len(palette))
     grounds = (0, 255) if samples.alpha else (0,)
     levels = [samples.at_pixels(_brightness(samples.colors, samples.alpha, ground)) for ground in grounds]
-    seen = np.maximum.reduce([visibility(one, bits) for one in levels])
+    seen = np.maximum.reduce([visibility(shades, bits) for shades in levels])
     if samples.inside is not None:
         seen[~samples.inside] = 0
     wanted, kept = samples.at_pixels(places), None

@@ -174,9 +174,9 @@ def find_palette(
         rest = _AT_ONCE if engine.get("volume_power") else _REST
         ends = kinds_of(colors, True), kinds_of(fixed, True)
         generators = _keep_opaque(places, density, ends, tessellation, end, rest)
-    found = from_places(generators, space, fixed.dtype, alpha)
-    found[: len(fixed)] = fixed
-    return Palette(_in_order(found, alpha), tessellation, alpha)
+    colors = from_places(generators, space, fixed.dtype, alpha)
+    colors[: len(fixed)] = fixed
+    return Palette(_in_order(colors, alpha), tessellation, alpha)
 
 
 def main_palette(
@@ -296,9 +296,9 @@ def ramp_of(samples: ColorSamples, palette: ArrayLike) -> Palette:
     ramp = np.flatnonzero(kinds_of(colors, alpha) != CLEAR)
     ramp = ramp[np.argsort(tones_of(colors[ramp], alpha), kind="stable")]
     grays = color_samples(tones_of(samples.colors[visible], alpha)[np.newaxis])
-    found = find_palette(grays.weighted(samples.density[visible][np.newaxis]), len(ramp)).colors[:, 0]
+    levels = find_palette(grays.weighted(samples.density[visible][np.newaxis]), len(ramp)).colors[:, 0]
     tones = np.zeros(len(colors))  # images of fewer tones use the ends of the ramp
-    tones[ramp] = np.interp(np.linspace(0, len(found) - 1, len(ramp)), np.arange(len(found)), found)
+    tones[ramp] = np.interp(np.linspace(0, len(levels) - 1, len(ramp)), np.arange(len(levels)), levels)
     return Palette(colors, None, alpha, tones.astype(colors.dtype))
 
 
@@ -381,23 +381,22 @@ def merged_colors(palette: Palette, n_colors: int, fixed: Array, samples: ColorS
         energy, n_pixels = tessellation.energy, tessellation.masses.sum()
     energies, starts, left = [energy], [places.copy()], np.ones(len(places), np.bool_)
 
-    def rises(one: Indices) -> Floats:
-        shares = masses[one, None] * masses / np.maximum(masses[one, None] + masses, np.finfo(float).tiny)
-        found = shares * ((places[one, None] - places) ** 2).sum(axis=2)
-        found[:, ~left] = np.inf
-        found[np.arange(len(one)), one] = np.inf
-        return found
+    def rises(some: Indices) -> Floats:
+        shares = masses[some, None] * masses / np.maximum(masses[some, None] + masses, np.finfo(float).tiny)
+        costs = shares * ((places[some, None] - places) ** 2).sum(axis=2)
+        costs[:, ~left] = costs[np.arange(len(some)), some] = np.inf
+        return costs
 
     costs = rises(np.arange(len(places))) if len(places) else places
     while len(starts) < len(places):
-        one, other = divmod(int(costs.argmin()), len(places))
-        energies.append(energies[-1] + costs[one, other])
-        mass = masses[one] + masses[other]
-        places[one] = (masses[one] * places[one] + masses[other] * places[other]) / mass
-        masses[one] = mass
+        pair = divmod(int(costs.argmin()), len(places))
+        (kept, other), both = pair, list(pair)
+        energies.append(energies[-1] + costs[pair])
+        places[kept] = np.average(places[both], axis=0, weights=np.maximum(masses[both], np.finfo(float).tiny))
+        masses[kept] += masses[other]
         left[other] = False
         costs[other] = costs[:, other] = np.inf
-        costs[one] = costs[:, one] = rises(np.array([one]))
+        costs[kept] = costs[:, kept] = rises(np.array([kept]))
         starts.append(places[left])
     starts = starts if places.shape[1] > 1 else []  # grays are best searched as a whole
     return Merged(energies, starts, float(n_pixels))
@@ -439,9 +438,9 @@ def _opaque_palette(
     seen = replace(samples, rows=np.ascontiguousarray(samples.colors[:, :-1]), alpha=False)
     n_left = n_colors - int(np.count_nonzero(~opaque))
     locked = fixed[opaque, :-1] if opaque.any() else None
-    found = find_palette(seen, n_left, space=space, locked=locked, **engine)
-    colors = np.concatenate([fixed[~opaque], with_alpha(found.colors)])
-    return Palette(_in_order(colors, True), found.tessellation, True)
+    palette = find_palette(seen, n_left, space=space, locked=locked, **engine)
+    colors = np.concatenate([fixed[~opaque], with_alpha(palette.colors)])
+    return Palette(_in_order(colors, True), palette.tessellation, True)
 
 
 def _hardware_palette(
@@ -458,9 +457,9 @@ def _hardware_palette(
     nearest = _in_order(np.concatenate([fixed, rounded(samples.colors, bits, space)]), samples.alpha)
     if len(nearest) <= n_colors:
         return Palette(nearest, None, samples.alpha)
-    found = find_palette(samples, n_colors, space=space, locked=locked, **engine)
-    colors = hardware_colors(samples, found.colors, fixed, n_colors, space, bits)
-    return Palette(_in_order(colors, samples.alpha), found.tessellation, samples.alpha)
+    palette = find_palette(samples, n_colors, space=space, locked=locked, **engine)
+    colors = hardware_colors(samples, palette.colors, fixed, n_colors, space, bits)
+    return Palette(_in_order(colors, samples.alpha), palette.tessellation, samples.alpha)
 
 
 def _keep_opaque(

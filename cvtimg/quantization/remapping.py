@@ -169,8 +169,7 @@ class Quantized(ReadOnly, Fidelity):
     def stored(self, storing: Storing) -> Array:
         """Return the pixels as pages and tiles hold them."""
         if storing.indexed:
-            found: Array = self.indices
-            return found
+            return np.asarray(self.indices)
         if not storing.clears:
             return self.image
         inside = np.ones(self.indices.shape, np.bool_) if self.inside is None else self.inside

@@ -29,11 +29,11 @@ def climb(
     """
     below, reaching, at = -1, len(rungs), min(first, len(rungs) - 1)
     seen: dict[float, float] = {}
-    found: dict[bool, tuple[Any, R]] = {}
+    ends: dict[bool, tuple[Any, R]] = {}
     for n in first_few(range(1000)):
         trial = result(rungs[at])
         value = seen[place(rungs[at])] = figure(trial)
-        found[value >= target] = rungs[at], trial
+        ends[value >= target] = rungs[at], trial
         below, reaching = (below, at) if value >= target else (at, reaching)
         if reaching - below == 1:
             break
@@ -43,7 +43,7 @@ def climb(
             guess = (place(rungs[max(below, 0)]) + place(rungs[min(reaching, len(rungs) - 1)])) / 2
         at = min(max(bisect_left(rungs, guess, key=place), below + 1), reaching - 1)
     tell(1)
-    return found.get(False), found.get(True)
+    return ends.get(False), ends.get(True)
 
 
 def toward(target: float, seen: dict[float, float]) -> float:

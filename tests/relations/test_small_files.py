@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from contextlib import redirect_stdout
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,6 +16,7 @@ from relations.test_pictures import gray_picture
 
 import cvtimg
 from cvtimg._shared.types import Array
+from cvtimg.cli.app import main
 from cvtimg.quantization import QuantizeOptions, quantize_file
 
 Pixels = Array
@@ -60,6 +64,14 @@ def file_of(pixels: Pixels, suffix: str = ".png") -> bytes:
         return target.read_bytes()
 
 
+def told(pixels: Pixels) -> int:
+    """Return the number of colors that the command info tells of a file."""
+    with TemporaryDirectory() as folder, redirect_stdout(StringIO()) as printed:
+        PIL.Image.fromarray(pixels).save(path := Path(folder, "a.png"))
+        assert main(["info", str(path), "--json"]) == 0
+    return int(json.loads(printed.getvalue())["distinct_colors"])
+
+
 def fed_back(pixels: Pixels) -> int:
     """Return the bytes of the small file of a small file."""
     with TemporaryDirectory() as folder:
@@ -92,6 +104,7 @@ def same(pixels: Pixels) -> Pixels:
 TOLD, PHOTOGRAPH = "2026-11-27", partial(gray_picture, shape=(64, 64))
 RELATIONS = [
     Relation("quantize for eyes", "other colors of clear pixels", logo, shown, repainted, equal, TOLD),
+    Relation("info", "other colors of clear pixels", logo, told, repainted, equal, "2026-11-28"),
     *(
         Relation(
             "quantize_file", f"a {suffix}", opaque, file_of, same, equal, TOLD, "", partial(file_of, suffix=suffix)
