@@ -70,7 +70,12 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     square = f"{corners}{sides}Curve Loop(1) = {{1:4}};\nPlane Surface(1) = {{1}};\n"
     named = 'Physical Surface("steel") = {1};\nPhysical Curve("clamped") = {4};\n'
     field = 'Field[1] = MathEval;\nField[1].F = "0.1";\nBackground Field = 1;\n'
-    for name, more in {"square": "", "named": named, "field": field}.items():
+    for name, more in {
+        "square": "",
+        "named": named,
+        "periodic": "Periodic Curve {2} = {-4};\n",
+        "field": field,
+    }.items():
         Path(f"{name}.geo").write_text(square + more)
 
 

@@ -92,7 +92,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
 
     from cvtimg.meshes import mesh_volume
 
-    if unfit := given.chosen("size", "plot", "grade", "min_size", "order", "name"):
+    if unfit := given.chosen("size", "plot", "grade", "min_size", "order", "periodic", "name"):
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
     result = mesh_volume(voxels > 0 if is_mask else voxels, n=given.n, edge_length=given.edge_length)
     stopwatch.lap("mesh")

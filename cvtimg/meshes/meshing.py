@@ -26,6 +26,7 @@ from cvtimg.meshes.anisotropy import MatrixFunction
 from cvtimg.meshes.curves import keep_areas
 from cvtimg.meshes.mending import Mending, mend
 from cvtimg.meshes.outlines import SMOOTHING, Outline, StraightParts, label_outline, with_points
+from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
 from cvtimg.meshes.planning import Plan, Wanted, place_inside, plan_mesh
 from cvtimg.meshes.polygons import outline_of, outline_of_parts
 from cvtimg.meshes.projection import LocalProjection
@@ -91,6 +92,7 @@ def mesh_region(
     keep_points: bool = False,
     metric: MatrixFunction | None = None,
     order: int = 1,
+    periodic: str | None = None,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Mesh:
@@ -138,6 +140,9 @@ def mesh_region(
     order : {1, 2}
         With 2, triangles have six nodes, and sides on the boundary bend with it: `Mesh.quadratic`. `n` is still the
         number of vertices.
+    periodic : {"x", "y", "xy"}, optional
+        Borders on the left and right ("x"), or at the least and the greatest y, are copies by translation, and so are
+        the vertices on them: `Mesh.pairs`. Sizes should be periodic, too.
     effort : {"fast", "balanced", "best"}
         How long vertices move.
     rng : int or numpy.random.Generator
@@ -195,7 +200,7 @@ def mesh_region(
             warn(f"n={n} vertices have edges of about {edge:.2g}, shorter than half of min_size={least:g}: leave n out")
         least = min(least, edge)
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
-    mesh = _mesh(outline, wanted, fixed, order, effort, rng)
+    mesh = _mesh(outline, wanted, fixed, order, periodic, effort, rng)
     if local is not None:
         mesh = replace(mesh, points=local.to_degrees(mesh.points), projection=local)
     return mesh.named(regions=dict(enumerate(parts, 1))) if parts else mesh
@@ -212,6 +217,7 @@ def mesh_labels(
     min_size: float = 0.0,
     tolerance: float = SMOOTHING.tolerance,
     order: int = 1,
+    periodic: str | None = None,
     effort: str = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Mesh:
@@ -223,7 +229,7 @@ def mesh_labels(
         Segment of each pixel; 0 for what is not meshed.
     image : (H, W) or (H, W, C) array, optional
         The segmented image, for borders between the centers of pixels, as `cvtimg.find_contours` has them.
-    n, edge_length, size, grade, min_size, order, effort, rng
+    n, edge_length, size, grade, min_size, order, periodic, effort, rng
         As in `mesh_region`.
     tolerance : float
         How far borders may be moved to make them smoother, in pixels; 0 for the sides of pixels.
@@ -245,24 +251,30 @@ def mesh_labels(
     least = check_non_negative("min_size", min_size)
     outline = label_outline(segments, image, check_non_negative("tolerance", tolerance))
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter)
-    return _mesh(outline, wanted, None, order, effort, rng)
+    return _mesh(outline, wanted, None, order, periodic, effort, rng)
 
 
 def _mesh(
-    outline: Outline, wanted: Wanted, fixed: ArrayLike | None, order: int, effort: str, rng: int | np.random.Generator
-) -> Mesh:
-    """Make a mesh, and bend its sides."""
+    outline: Outline, wanted: Wanted, fixed: ArrayLike | None, order: int, periodic: str | None, effort: str,
+    rng: int | np.random.Generator,
+) -> Mesh:  # fmt: skip
+    """Make a mesh, whose sides may be periodic, and bend its sides."""
     check_in_range("order", order, order in (1, 2), "1 or 2")
     check_choice("effort", effort, EFFORTS)
     places = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
     outline, alone = with_points(outline, places)
-    best = _best(outline, wanted, alone, EFFORTS[effort], np.random.default_rng(rng))
+    make = partial(_best, wanted=wanted, alone=alone, effort=EFFORTS[effort], random=np.random.default_rng(rng))
+    if periodic is None:
+        best = make(outline)
+    else:
+        best, outline = periodic_mesh(outline, periodic, lambda given: plan_mesh(given, wanted, alone).borders, make)
     _check_inside(alone, best.points)
     if wanted.n is not None and fixed is None and wanted.metric is None and np.isscalar(wanted.size):
         _warn_of_small_angles(best)
     if order == 1:
         return best
     six = quadratic(best.points, best.triangles, best.edges, outline)
+    six = six if best.pairs is None else with_paired_middles(six, best)
     return replace(best, points=six.nodes[: len(best.points)], quadratic=six)
 
 

@@ -87,6 +87,13 @@ class Outline:
         """Length of the diagonal of the bounds."""
         return float(np.hypot(*(self.bounds[1] - self.bounds[0])))
 
+    def staying(self, places: Points) -> Outline:
+        """Return the outline with the nodes at places (P, 2) still."""
+        from scipy.spatial import cKDTree
+
+        gaps = cKDTree(places).query(self.nodes)[0]
+        return replace(self, still=tuple(np.flatnonzero(gaps <= ON_LINE * self.diameter).tolist()))
+
     def check_inside(self, name: str, points: Points, values: Floats, right: Bools, allowed: str) -> None:
         """Refuse values (N, ...) that are not right (N,) at points (N, 2) inside."""
         wrong = np.flatnonzero(~right)
@@ -296,5 +303,4 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
     areas = None if outline.areas is None else outline.areas.of_parts(np.array(source))
     about = outline.bounds, outline.mask, outline.contains, areas, outline.polygons, outline.changes
     cut = Outline.of(lines, outline.sides[source], *about)
-    gaps = cKDTree(points).query(cut.nodes)[0]
-    return replace(cut, still=tuple(np.flatnonzero(gaps <= ON_LINE * outline.diameter).tolist())), alone
+    return cut.staying(np.concatenate([points, outline.nodes[list(outline.still)]])), alone

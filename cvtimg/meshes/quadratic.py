@@ -43,12 +43,15 @@ class QuadraticTriangles(ReadOnly):
         The ends and the node of each edge on a border, as in `Mesh.edges`.
     n_straight : int
         Number of edges on borders that were kept straight, for a triangle would have folded over, or nearly.
+    pairs : (P, 2) int32 array or None
+        Nodes on periodic sides, as `Mesh.pairs`.
     """
 
     nodes: Points
     triangles: Ints
     edges: Ints
     n_straight: int
+    pairs: Ints | None = None
 
     @property
     def jacobians(self) -> Points:

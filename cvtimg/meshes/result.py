@@ -49,6 +49,8 @@ class Mesh(ReadOnly):
         Names of (1, tag) of edges and of (2, tag) of triangles, as `named` gives them.
     quadratic : QuadraticTriangles or None
         The triangles with six nodes, if ``order=2`` was asked for.
+    pairs : (P, 2) int32 array or None
+        Vertices on periodic sides: on the right or at greater y, and, moved by the period, on the left or at less y.
     changes : OutlineChanges or None
         What polygons lost before they were meshed.
     projection : LocalProjection or None
@@ -65,6 +67,7 @@ class Mesh(ReadOnly):
     edge_tags: Ints | None = None
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     quadratic: QuadraticTriangles | None = None
+    pairs: Ints | None = None
     changes: OutlineChanges | None = None
     projection: LocalProjection | None = None
 
@@ -176,6 +179,7 @@ class Mesh(ReadOnly):
             "energy": self.energy,
             "n_iter": len(self.energies) - 1,
             **({} if self.changes is None else asdict(self.changes)),
+            **({} if self.pairs is None else {"pairs": len(self.pairs)}),
             **({} if self.quadratic is None else {"n_straight": self.quadratic.n_straight}),
             **({"names": {name: tag for (_, tag), name in self.names.items()}} if self.names else {}),
         }

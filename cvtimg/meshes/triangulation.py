@@ -34,6 +34,11 @@ class Borders:
     of_line: Indices | None = None  # (E,): the line of the outline that each edge is on
     slides: Ints = field(default_factory=lambda: np.empty(0, np.int32))  # Points (S,) that may slide along lines
 
+    def chain(self, line: int) -> Ints:
+        """Return the points (C,) along a line."""
+        own = self.edges[self.of_line == line]
+        return np.append(own[:, 0], own[-1:, 1])
+
 
 class PlaneTriangulation(HalfEdges):
     """Triangles of the plane; `points` change in place.

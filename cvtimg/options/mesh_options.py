@@ -80,6 +80,11 @@ MESH = (
         "Polygons are in degrees, perhaps across the date line: mesh them in km about their middle; lengths are in km.",
     ),
     switch("keep_points", "Make all points of polygons vertices; otherwise only corners are, and areas are kept."),
+    passed(
+        "periodic",
+        Choice(("x", "y", "xy")),
+        "Pair vertices on borders that are copies: on the left and right (x), or at the least and the greatest y.",
+    ),
     Option(
         "name",
         Text(_name),

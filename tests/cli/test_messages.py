@@ -185,6 +185,7 @@ sphere -n 100 -o a.nc --coast black.png | --coast black.png must not be 0 everyw
 sphere -n 9 -o a.nc --parent off.csv --within 0,0,60 | on a sphere: point 1 is 3 from the
 sphere -n 9 -o a.nc --parent trees.csv --within 0,0,9 | neither an MPAS mesh
 mesh wrong.geojson -n 9 | wrong.geojson: is not a .geojson file of polygons
+mesh disc.png --periodic x | --periodic x must be for borders on the left and right
 mesh a.wkt -n 9 --label 1 | a.wkt: has polygons; --label is for images of labels
 mesh labels.png -n 90 --label 9 -o b.vtu | labels.png: holds no label 9
 mesh disc.png --keep-points | disc.png: has pixels; --keep-points is for polygons
