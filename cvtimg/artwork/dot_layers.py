@@ -50,6 +50,7 @@ class Dots:
 
     dots: str = "equal"
     radius_range: tuple[float, float] | None = None
+    bleed: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +72,7 @@ class _Pen:
         self.amounts = picture_moments(self.amount, n_dots)
         self.radius = float(np.sqrt(ink.sum(dtype=np.float64) / n_dots / np.pi))  # if all have the same
         self.size = np.array(ink.shape[::-1], np.float64)
-        self.into_ink = WhereMassIs(self.amounts, self.radius)
+        self.into_ink = WhereMassIs(self.amounts, 0.0 if how.bleed else self.radius)
         n_pixels = np.count_nonzero(self.amounts.density) / self.amounts.scale**2
         self.reach = float(np.sqrt(n_pixels / n_dots)) / 2  # of the cell of a dot
         # In a tessellation of density rho there are rho^(1/2) dots in an area.
@@ -95,7 +96,7 @@ class _Pen:
         return points
 
     def finished(self, points: Floats, n_moves: int) -> DotLayer:
-        """Make the last moves of dots, and find their sizes; each has a cell and is whole."""
+        """Make the last moves of dots, and find their sizes; each has a cell and, unless it may bleed, is whole."""
         moments = self.amounts if self.amount is self.ink else picture_moments(self.ink, self.n_dots)
         # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
         for _ in range(n_moves):
@@ -104,8 +105,9 @@ class _Pen:
         radii = np.full(self.n_dots, self.radius)
         if self.how.dots == "sized":
             radii = np.clip(np.sqrt(moments_of_dots.masses / np.pi), *(self.how.radius_range or (0, np.inf)))
-        radii = np.minimum(radii, self.size.min() / 2)
-        points = np.clip(points, radii[:, np.newaxis], self.size - radii[:, np.newaxis])
+        if not self.how.bleed:
+            radii = np.minimum(radii, self.size.min() / 2)
+            points = np.clip(points, radii[:, np.newaxis], self.size - radii[:, np.newaxis])
         return DotLayer(points, radii, moments_of_dots.masses, moments_of_dots.energy)
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,11 @@ from cvtimg.artwork.papers import Sheet
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.whole import StrPath, write_csv, write_text
+from cvtimg.labels.contours import Polygon
+from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import Metadata, encode_image, image_suffixes, write_image
 from cvtimg.pictures.formats.pixel_size import INCHES
+from cvtimg.placement.cells import Polygons, picture_cells
 
 #: Lines in a row of pixels by which its coverage is measured.
 _FINE = 8
@@ -27,8 +31,11 @@ _FINE = 8
 _SPACING, _MOST_PIXELS = 8.0, 1 << 25
 _BYTE = np.dtype(np.uint8)
 MARKS = ("disks", "circles", "points", "line")
-#: Width of the lines of circles, where none is given, in millimeters.
-_LINE = 0.3
+FILLS = ("solid", "spiral")
+#: Widths of the lines of circles, where none is given, and of cells, in millimeters.
+_LINE, _CELL_LINE = 0.3, 0.1
+#: How far a polygon in place of an arc may be off, in millimeters.
+_OFF = 0.02
 #: Half a diagonal of points, in widths of the pen: a pen that goes no way at all may make no dot.
 _POINT = 0.05
 #: Area that the pen covers for a point, in squared widths of the pen.
@@ -40,11 +47,18 @@ def suffixes() -> list[str]:
     return [".svg", *(suffix for suffix in image_suffixes() if suffix != ".npy"), ".csv"]
 
 
-def _marks(marks: str, places: Floats, radii: Floats, line: float) -> Iterator[str]:
+def _marks(marks: str, places: Floats, radii: Floats, line: float, fill: str = "solid") -> Iterator[str]:
     half = _POINT * line
     if marks == "line":
         if len(places) > 1:
             yield f'<path d="M{" ".join(numbers(places.ravel(), 3))}"/>\n'
+        return
+    if marks == "disks" and fill == "spiral":
+        # Each ends towards the next, so that the pen travels from there only.
+        ways = np.diff(places, axis=0, append=places[-1:])
+        for place, radius, way in zip(places, radii.tolist(), np.arctan2(*ways.T[::-1]).tolist(), strict=True):
+            turns = place + _spiral(max(radius - line / 2, half), line, way)
+            yield f'<path d="M{" ".join(numbers(turns.ravel(), 3))}"/>\n'
         return
     if marks == "points":
         # Loops have corners: viewers leave a hole in a round one that is smaller than its line is wide.
@@ -56,6 +70,21 @@ def _marks(marks: str, places: Floats, radii: Floats, line: float) -> Iterator[s
         radii = np.maximum(radii - line / 2, half)
     marked = zip(numbers(places[:, 0], 3), numbers(places[:, 1], 3), numbers(radii, 4), strict=True)
     yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in marked)
+
+
+def _spiral(radius: float, line: float, end: float) -> Floats:
+    """(N, 2) points of a spiral from the middle, of turns a line apart, to a whole turn at a radius, up to an angle."""
+    turns = radius / line
+    step = min(np.pi / 4, np.sqrt(8 * _OFF / radius))  # straight steps are off an arc by `_OFF`
+    angles = np.arange(0, 2 * np.pi * (turns + 1) + step, step)
+    reach = np.minimum(angles / (2 * np.pi) * line, radius)
+    angles += end - angles[-1]
+    return reach[:, np.newaxis] * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def _write_svg(path: StrPath, sheet: Sheet, layers: Iterable[str], overwrite: bool) -> None:
+    """Write a drawing in millimeters, with a layer for each pen."""
+    write_text(path, drawing(*sheet.size, layers, unit="mm", attributes=LAYERED), overwrite=overwrite)
 
 
 def draw_dots(points: Floats, radii: Floats, shape: tuple[int, int], scale: float = 1.0) -> Floats32:
@@ -126,6 +155,8 @@ class Stipples(ReadOnly):
         Height and width of the image.
     max_ink : float
         Coverage of what is black in the image; all tones are scaled by it.
+    bleed : bool
+        Whether the frame of the image may cut dots.
     energy : float
         Integral of the ink times the squared distance to the dot of the cell, summed over layers.
     """
@@ -141,11 +172,13 @@ class Stipples(ReadOnly):
     size: tuple[int, int]
     max_ink: float
     energy: float
+    bleed: bool = False
 
     def _claims(self) -> Claims:
         yield "the tour visits each dot once", np.sort(self.order) == np.arange(len(self))
+        reach = (0 if self.bleed else 1) * self.radii[:, np.newaxis] - 1e-9 * max(self.size)
         gaps = np.minimum(self.points, np.array(self.size[::-1]) - self.points)
-        yield "dots are in the frame", gaps >= self.radii[:, np.newaxis] - 1e-9 * max(self.size)
+        yield "dots are in the frame", gaps >= reach
 
     def __len__(self) -> int:
         return len(self.points)
@@ -154,6 +187,20 @@ class Stipples(ReadOnly):
     def ink(self) -> float:
         """Summed area of the dots, as a share of the paper."""
         return float((self.radii**2).sum() * np.pi / (self.size[0] * self.size[1]))
+
+    def cells(self) -> Polygons:
+        """Compute the (M, 2) corners of the cell of each dot among those of its layer, within the image.
+
+        They are in pixels, in order around the cell, clockwise as seen on a screen; none for one of two dots in the
+        same place.
+        """
+        cells: list[Floats] = [np.empty((0, 2))] * len(self)
+        for pen in range(len(self.colors)):
+            dots_of_pen = np.flatnonzero(self.layers == pen)
+            if len(dots_of_pen):
+                for dot, cell in zip(dots_of_pen, picture_cells(self.points[dots_of_pen], self.size), strict=True):
+                    cells[dot] = cell
+        return tuple(cells)
 
     def coverage(self, layer: int, scale: float = 1.0) -> Floats32:
         """Compute the share of each pixel that the dots of a layer cover, (H scale, W scale)."""
@@ -199,6 +246,7 @@ class Stipples(ReadOnly):
         landscape: bool = False,
         margin: float | None = None,
         marks: str = "disks",
+        fill: str = "solid",
         pen_width: float | None = None,
         scale: float | None = None,
         overwrite: bool = False,
@@ -223,6 +271,8 @@ class Stipples(ReadOnly):
         marks : {"disks", "circles", "points", "line"}
             For .svg: disks; their outlines; tiny loops that a pen makes dots of; or one line through the dots of each
             layer, which does not cross itself.
+        fill : {"solid", "spiral"}
+            What disks are filled with: a color, or a spiral of the pen's line.
         pen_width : float, optional
             Width of the pen's line in millimeters, for .svg. By default such that points cover what the dots of a layer
             do; 0.3 for the others.
@@ -232,13 +282,13 @@ class Stipples(ReadOnly):
             Replace an existing file.
         """
         check_choice("marks", marks, MARKS)
+        check_choice("fill", fill, FILLS)
         fitted = {"width": width, "height": height, "paper": paper, "landscape": landscape, "margin": margin}
         sheet = Sheet.of(self.size, **fitted)  # type: ignore[arg-type]
         pen = None if pen_width is None else check_positive("pen_width", pen_width, "in millimeters")
         suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
         if suffix == ".svg":
-            layers = self._marked_layers(sheet, marks, pen)
-            write_text(path, drawing(*sheet.size, layers, unit="mm", attributes=LAYERED), overwrite=overwrite)
+            _write_svg(path, sheet, self._marked_layers(sheet, marks, fill, pen), overwrite)
         elif suffix == ".csv":
             table = np.column_stack([self.points, self.radii, self.masses])[self.order].T
             columns = (*table, self.layers[self.order])
@@ -253,7 +303,27 @@ class Stipples(ReadOnly):
             metadata = Metadata(dpi=(per_mm / INCHES["mm"],) * 2)
             write_image(path, page, metadata=metadata, overwrite=overwrite)
 
-    def _marked_layers(self, sheet: Sheet, marks: str, pen_width: float | None) -> Iterator[str]:
+    def save_cells(self, path: StrPath, *, overwrite: bool = False, **fitted: Any) -> None:
+        """Write the cells of the dots as polygons: lines in millimeters (.svg), or in pixels (.geojson).
+
+        The drawing is fitted by `width`, `height`, `paper`, `landscape` and `margin`, as in `save`.
+        """
+        if check_choice("suffix", Path(path).suffix.lower(), (".svg", ".geojson")) == ".svg":
+            sheet = Sheet.of(self.size, **fitted)
+            _write_svg(path, sheet, self._cell_layers(sheet), overwrite)
+            return
+        cells = self.cells()
+        polygons: list[Polygon] = []
+        properties: dict[int, dict[str, float | str]] = {}
+        for dot in self.order.tolist():
+            if len(cells[dot]):
+                about = {"radius": float(self.radii[dot]), "mass": float(self.masses[dot])}
+                x, y = self.points[dot].tolist()
+                properties[len(polygons)] = {"x": x, "y": y, **about, "pen": self.names[self.layers[dot]]}
+                polygons.append(Polygon(len(polygons), (np.concatenate([cells[dot], cells[dot][:1]]),)))
+        write_geojson(path, polygons, properties, overwrite=overwrite)
+
+    def _marked_layers(self, sheet: Sheet, marks: str, fill: str, pen_width: float | None) -> Iterator[str]:
         if not self.paper.all():
             yield f'<rect width="100%" height="100%" fill="{hexadecimal(self.paper)}"/>\n'
         for pen, name in enumerate(self.names):
@@ -264,14 +334,27 @@ class Stipples(ReadOnly):
             line = suiting if pen_width is None else pen_width
             look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}"'
             look += ' stroke-linecap="round" stroke-linejoin="round"'
-            look = f'fill="{ink}"' if marks == "disks" else look
+            look = f'fill="{ink}"' if marks == "disks" and fill == "solid" else look
             # Inks on white paper let the light of others through.
             blend = ' style="mix-blend-mode:multiply"' if len(self.names) > 1 and self.paper.all() else ""
             # The line of a pen, too, is whole within the frame.
-            reach = 0.0 if marks == "disks" else min(line, min(self.size) * sheet.scale) / 2
+            reach = 0.0 if self.bleed or marks == "disks" else min(line, min(self.size) * sheet.scale) / 2
             frame = np.array(self.size[::-1]) * sheet.scale
             places = np.clip(self.points[dots_of_pen] * sheet.scale, reach, frame - reach) + sheet.corner
-            yield from layer(pen + 1, name, look + blend, _marks(marks, places, radii, line))
+            yield from layer(pen + 1, name, look + blend, _marks(marks, places, radii, line, fill))
+
+    def _cell_layers(self, sheet: Sheet) -> Iterator[str]:
+        cells = self.cells()
+        for pen, name in enumerate(self.names):
+            look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_CELL_LINE}"'
+            dots_of_pen = self.order[self.layers[self.order] == pen]
+            corners = (
+                " ".join(numbers((cells[dot] * sheet.scale + sheet.corner).ravel(), 3))
+                for dot in dots_of_pen
+                if len(cells[dot])
+            )
+            outlines = (f'<path d="M{ones}Z"/>\n' for ones in corners)
+            yield from layer(pen + 1, name, f'{look} stroke-linejoin="round"', outlines)
 
     def _repr_png_(self) -> bytes:
         return encode_image(".png", self.draw())

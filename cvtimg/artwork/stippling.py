@@ -46,6 +46,7 @@ def stipple(
     pens: Sequence[str] | None = None,
     invert: bool = False,
     tones: str = "light",
+    bleed: bool = False,
 ) -> Stipples:
     """Reproduce the tones of an image by dots.
 
@@ -86,6 +87,8 @@ def stipple(
         "light": a drawing that is easy on the eye, whose tones follow lightness: what is lightest is paper, and ink is
         thinned, in the shades between white and black, where it would cover more than about a third. "true": from a
         distance as bright as the image, but for `max_ink` and `white_cutoff`; photographs become nearly black.
+    bleed : bool
+        Let the frame of the image cut dots. By default all are whole, and no larger than the frame.
 
     Returns
     -------
@@ -137,7 +140,7 @@ def stipple(
     # All pens have dots of about one size.
     ends = np.cumsum([0, *(ink.sum(dtype=np.float64) for ink in inks)])
     counts = np.diff(np.rint(ends / (ends[-1] or 1) * count.of(np.stack(inks))).astype(np.intp))
-    placed = place_pens(inks, counts.tolist(), count.scaled(Dots(dots, radius_range)))
+    placed = place_pens(inks, counts.tolist(), count.scaled(Dots(dots, radius_range, bleed)))
     return _together(
         placed,
         count.factor,
@@ -146,6 +149,7 @@ def stipple(
         paper=paper,
         size=coverages[0].shape,
         max_ink=max_ink,
+        bleed=bleed,
     )
 
 

@@ -13,7 +13,7 @@ EXAMPLES = """\
   cvtimg stipple photo.jpg -n 30000 --pens '#000,#e4002b,#0057b8' --marks points -o pens.svg
   cvtimg stipple photo.jpg -n 8000 --dots sized --radius-range 0.5 4 -o a.png
   cvtimg stipple photo.jpg -n 60000 --layers cmyk -o pens.svg
-  cvtimg stipple logo.png -n 3000 --invert -o dots.csv
+  cvtimg stipple logo.png -n 3000 --invert --cells cells.geojson -o dots.csv
   cvtimg stipple photos/ -n 20000 --out-dir plots
 """
 COLUMNS = ("input", "n", "radius", "max_ink", "energy", "seconds", "output")
@@ -46,8 +46,10 @@ def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     diameter = given.pen and given.pen / scale
     result = cvtimg.stipple(image, given.number, **given.arguments | {"dot_diameter": diameter})
     stopwatch.lap("stipple")
-    drawing = {"marks": given.marks, "pen_width": given.pen or given.pen_width}
+    drawing = {"fill": given.fill, "marks": given.marks, "pen_width": given.pen or given.pen_width}
     result.save(task.output, **fitted, **drawing, overwrite=given.overwrite)
+    if "--cells" in task.outputs:
+        result.save_cells(task.outputs["--cells"], **fitted, overwrite=given.overwrite)
     stopwatch.lap("write")
     row = result.summary()
     row["radius_mm"] = row["radius"] and row["radius"] * scale

@@ -43,7 +43,7 @@ PANELS = {
     "palette_per_frame alpha_threshold matte",
     "Output": "output out_dir ext in_place yes skip_if_larger write labels mean edges overlay contours table "
     "masks tree strengths generators save_palette csv sheet plot histograms view over edge_mode line_color "
-    "line_width subpixel simplify properties width height landscape margin marks pen_width order "
+    "line_width subpixel simplify properties width height landscape margin bleed marks fill pen_width order cells "
     "outline scale measures keep_metadata optimize overwrite as_json quiet report dry_run",
     "Reading": "mask nodata weight_map columns weight missing delimiter decimal encoding header missing_values page "
     "channel_axis axes channel composite t z series pixel_size max_pixels",

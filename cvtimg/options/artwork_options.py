@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cvtimg.options import common
-from cvtimg.options.common import switch
+from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, late, passed
 
 _PAPERS = ("a2", "a3", "a4", "a5", "a6", "letter", "legal", "tabloid")
@@ -95,6 +95,9 @@ STIPPLE = (
         default="light",
     ).on_page("Tones"),
     switch("invert", "Draw light dots on dark paper.", keyword="invert").on_page("Light on dark"),
+    switch("bleed", "Let the frame of the picture cut dots; by default they are whole.", keyword="bleed").on_page(
+        "Dots cut by the frame"
+    ),
     Option(
         "width",
         Text(_length),
@@ -121,8 +124,15 @@ STIPPLE = (
         default="disks",
     ).on_page("Marks"),
     Option(
+        "fill",
+        Choice(("solid", "spiral")),
+        "Fill disks with color, or with a spiral of the pen's line.",
+        default="solid",
+    ).on_page("Fill"),
+    Option(
         "pen_width", Text(_length), "Width of the pen's line in .svg; by default what suits the dots.", metavar="MM"
     ).on_page("Pen width", slider=(0.05, 2), unit="mm", default="auto"),
+    file("cells", "Write the cell of each dot, .svg or .geojson; for one input.", (".svg", ".geojson")),
     *common.READING,
     *common.BATCH,
 )

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from PIL import Image
+from reference import shoelace
 
 from cvtimg import read_image, stipple
 from cvtimg.artwork.papers import PAPERS
@@ -72,6 +74,34 @@ def test_sheets_are_halves_of_the_next_larger_or_of_half_inches() -> None:
     np.testing.assert_allclose(inches, [[8.5, 11], [8.5, 14], [11, 17]])
 
 
+def test_spirals_fill_disks_by_the_line_of_the_pen_and_stay_in_them(tmp_path: Path) -> None:
+    path = tmp_path / "a.svg"
+    STIPPLES.save(path, width=800, fill="spiral", pen_width=0.5)
+    points, radii = 10 * STIPPLES.points[STIPPLES.order], 10 * STIPPLES.radii[STIPPLES.order]
+    gaps = np.hypot(*np.diff(points, axis=0, append=points[-1:]).T)
+    for node, point, radius, gap, after in zip(
+        ElementTree.parse(path).getroot()[0], points, radii, gaps, [*points[1:], points[-1]], strict=True
+    ):
+        turns = np.array(node.get("d", "")[1:].split(), float).reshape(-1, 2) - point
+        reach = np.hypot(*turns.T)
+        assert reach.max() == pytest.approx(radius - 0.25, abs=2e-3)
+        assert np.hypot(*np.diff(turns, axis=0).T).sum() * 0.5 == pytest.approx(np.pi * radius**2, rel=0.25)
+        to_next = np.hypot(*(point + turns[-1] - after))  # it ends on the side of the next
+        assert to_next == pytest.approx(abs(gap - reach[-1]), abs=5e-3)
+
+
+def test_the_frame_cuts_dots_that_may_bleed_only() -> None:
+    bleeding = stipple(RAMP, 150, dots="sized", bleed=True)
+    beyond = [
+        result.radii[:, None] - np.minimum(result.points, result.size[::-1] - result.points) > 1e-6
+        for result in (STIPPLES, bleeding)
+    ]
+    assert not beyond[0].any()
+    assert beyond[1].any()
+    edges = np.r_[bleeding.points[:, 1].min(), bleeding.size[0] - bleeding.points[:, 1].max()]
+    assert (edges > 0).all()
+
+
 def test_disks_have_the_radii_of_dots_and_points_the_width_of_the_pen(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
     STIPPLES.save(path, width=80)
@@ -109,10 +139,16 @@ def test_tables_hold_the_dots(tmp_path: Path) -> None:
     assert np.array_equal([float(row["mass"]) for row in rows], STIPPLES.masses[order])
 
 
-def test_pixels_are_those_that_are_drawn(tmp_path: Path) -> None:
+def test_pixels_and_cells(tmp_path: Path) -> None:
     STIPPLES.save(tmp_path / "a.png", scale=3)
     assert np.array_equal(read_image(tmp_path / "a.png"), STIPPLES.draw(scale=3))
     assert STIPPLES.default_scale() * np.sqrt(RAMP.size / 150) == pytest.approx(8)  # pixels between dots
+    STIPPLES.save_cells(tmp_path / "a.geojson")
+    features = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    assert len(features) == 150
+    assert sum(shoelace(cell) for cell in STIPPLES.cells()) == pytest.approx(RAMP.size)
+    STIPPLES.save_cells(tmp_path / "a.svg")
+    assert len(list(ElementTree.parse(tmp_path / "a.svg").getroot().iter(f"{SVG}path"))) == 150
 
 
 @pytest.mark.parametrize(

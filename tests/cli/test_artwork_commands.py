@@ -31,13 +31,21 @@ def test_stipple_draws_dots_in_the_width_asked_for(picture: Path, row_of: RowOf)
     assert len(list(root.iter("{http://www.w3.org/2000/svg}path"))) == 200
 
 
-def test_stipple_writes_tables(picture: Path, row_of: RowOf) -> None:
-    output = picture.with_name("dots.csv")
-    row_of("stipple", picture, "-n", 50, "--dots", "sized", "--radius-range", 1, 4, "-o", output)
+def test_stipple_fills_dots_that_the_frame_may_cut_by_spirals(picture: Path, row_of: RowOf) -> None:
+    cells = picture.with_name("cells.svg")
+    row_of("stipple", picture, "-n", 200, "--fill", "spiral", "--bleed", "--pen-width", 0.2, "--cells", cells)
+    for path in (picture.with_name("ramp-stippled.svg"), cells):
+        assert len(list(ElementTree.parse(path).getroot().iter("{http://www.w3.org/2000/svg}path"))) == 200
+
+
+def test_stipple_writes_tables_and_cells(picture: Path, row_of: RowOf) -> None:
+    output, cells = picture.with_name("dots.csv"), picture.with_name("cells.geojson")
+    row_of("stipple", picture, "-n", 50, "--dots", "sized", "--radius-range", 1, 4, "-o", output, "--cells", cells)
     with output.open() as file:
         radii = [float(line["radius"]) for line in csv.DictReader(file)]
     assert len(radii) == 50
     assert 1 <= min(radii) <= max(radii) <= 4
+    assert len(json.loads(cells.read_text())["features"]) == 50
 
 
 def test_mosaic_is_written_as_pixels_and_polygons(picture: Path, row_of: RowOf) -> None:

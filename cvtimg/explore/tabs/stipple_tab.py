@@ -16,7 +16,7 @@ from cvtimg.explore.outcomes import Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
 #: Settings of the drawing, not of the dots: options of `Stipples.save`.
-_DRAWN = ("width", "height", "paper", "landscape", "margin", "marks", "pen_width")
+_DRAWN = ("width", "height", "paper", "landscape", "margin", "marks", "fill", "pen_width")
 
 
 class StippleTab(Tab):
@@ -38,7 +38,9 @@ class StippleTab(Tab):
         Switch(name="colored", label="Pens of other colors", when={"layers": ["one"]}),
         ("pens", {"when": {"layers": ["one"], "colored": [True]}, "always": True}),
         ("invert", {"when": {"layers": ["one"], "colored": [False]}}),
+        "bleed",
         "marks",
+        ("fill", {"when": {"marks": ["disks"]}}),
         "paper",
         "landscape",
         ("width", {"when": {"paper": ["none"]}}),
