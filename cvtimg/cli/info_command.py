@@ -51,7 +51,7 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         from cvtimg.restoration.versions import stack_versions, with_tables
 
         version, _ = stack_versions([with_tables(image, task.source)], nodata=info.nodata).distinct()
-        evidence, unit = prepare(version, white=False), version.level("rgb")
+        evidence, unit = prepare(version, None, white=False), version.level("rgb")
         noise, lines = evidence.noise, evidence.noise_lines
         slope = 0.0 if lines is None else float(lines[:, 1].mean() / unit)
         values = float(noise.levels[0] / unit), slope, noise.shared.neighbors if noise.shared else 0.0

@@ -36,7 +36,7 @@ PANELS = {
     "What to get": "",
     "Details": "shading averaging smallest_detail edge_weight edge_radius components min_size "
     "chance strongest no_split diameter min_contrast exclude_edges measure background neck_depth "
-    "threshold compactness edit merge motion channels "
+    "threshold compactness edit merge weights motion channels "
     "noise_like hidden renormalize label grade keep_points periodic name name_by coast parent within strait all_seas "
     "keep_bays region layers",
     "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette "

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from typing import get_args
 
 from cvtimg._shared.choices import AlignName, AutoEffortName, NoiseName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, File, Option, Real, Whole, passed
+from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passed
+
+
+def _weights(text: str) -> list[float]:
+    """Parse weights separated by commas."""
+    with suppress(ValueError):
+        weights = [float(word) for word in text.split(",")]
+        if all(0 < weight < math.inf for weight in weights):
+            return weights
+    raise ValueError(f"{text!r} must be numbers > 0 with commas between them")
+
 
 RESTORE = (
     common.inputs(
@@ -43,6 +55,7 @@ RESTORE = (
         "Value", slider=(0, 255), step=0.5, low=-1e9, high=1e9, default=0.0
     ),
     switch("fill_transparent", "Fill also what is transparent in all versions alike, which stays so by default."),
+    passed("weights", Text(_weights), "Weight of each version; by default from its noise.", metavar="W,W,.."),
     switch("align", "Move each version onto the first.").on_page("Align versions"),
     Option(
         "motion",
@@ -105,7 +118,10 @@ RESTORE = (
     ).on_page("Disagreement"),
     passed(
         "renormalize",
-        Choice(("range", "none"), {"range": "as in the versions", "none": "keep"}),
+        Choice(
+            ("range", "median", "none"),
+            {"range": "as in the versions", "median": "median of a segment", "none": "keep"},
+        ),
         "How to undo the loss of contrast where some versions are painted over.",
         default="range",
         excludes=("detail",),

@@ -15,7 +15,7 @@ import numpy as np
 
 from cvtimg._shared.threads import in_stripes, side_by_side
 from cvtimg._shared.types import Bools, Floats, Floats32, Indices
-from cvtimg.restoration.versions import Versions, fuse
+from cvtimg.restoration.versions import Versions
 
 #: Sides of the windows on whose mean a version may depart; 1 is the pixel itself.
 _SIDES = (1, 3, 5)
@@ -48,30 +48,7 @@ def without_outliers(versions: Versions, noise: Floats, *, moved: bool = False) 
         departing = part.departing(part.median, scales, moved=moved) & (part.known.sum(axis=0) >= 3)
         return part.known & ~(departing & (part.known & ~departing).any(axis=0))
 
-    return _without_lone(versions, _in_bands(versions, kept), noise)
-
-
-def _without_lone(versions: Versions, kept: Versions, noise: Floats) -> Versions:
-    """Leave out also, of versions that hold additions, what stands out from around it where fewer than three know."""
-    from scipy.ndimage import maximum_filter, median_filter, minimum_filter
-    from scipy.stats import chi2, norm
-
-    # How often the majority leaves a version out tells whether it holds any: without evidence nothing is left out.
-    is_judged = (versions.coverage >= 3)[:, :, None] & versions.known
-    n_judged = np.count_nonzero(is_judged, axis=(0, 1))
-    n_out = np.count_nonzero(is_judged & ~kept.known, axis=(0, 1))
-    suspects = np.flatnonzero((n_judged >= _JUDGED) & (n_out > _SHARE * n_judged))
-    if not len(suspects):
-        return kept
-    around, known = median_filter(fuse(kept, noise**-2.0)[0], (3, 3, 1)), kept.known.copy()
-    low, high = minimum_filter(around, (3, 3, 1)), maximum_filter(around, (3, 3, 1))
-    most = chi2.isf(norm.sf(_RARE), around.shape[2]) * versions.noisiness(around)
-    for version in suspects.tolist():
-        values, few = versions.bands(version), versions.known[:, :, version] & (versions.coverage < 3)
-        is_cut_off = np.asarray(versions.cut_off(version).any(axis=2))
-        apart = versions.even(values - np.clip(values, low, high), is_cut_off)
-        known[few, version] = (np.square(apart).sum(axis=2) <= most * noise[version] ** 2)[few]
-    return replace(kept, known=known)
+    return _in_bands(versions, kept)
 
 
 def without_motion(versions: Versions, noise: Floats, *, moved: bool = False) -> Versions:
@@ -226,3 +203,65 @@ def _scales(part: _Part, reference: Floats32, judged: Bools, noise: Floats) -> F
         return np.maximum((noise[version] / _SIDES)[:, None], usual).astype(np.float32)
 
     return np.stack([*side_by_side(scale, range(len(part.values)))])
+
+
+# --- where the majority of versions cannot tell
+# Where three versions know a pixel, the majority finds what was added to one of them. How often that happens tells how
+# often it happens elsewhere. There, a value is left out if it is more likely to be an addition, which may have any
+# color, than the estimated image plus noise. Without evidence of additions nothing is left out, however poor the
+# estimate.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Suspicion:
+    """How often versions hold additions."""
+
+    shares: Floats  # (S,): share of the pixels of each version that hold an addition; 0 without evidence
+    noise: Floats  # (S,): standard deviation of the noise of each version
+
+    @classmethod
+    def of(cls, versions: Versions, kept: Versions, noise: Floats) -> Suspicion | None:
+        """Measure how often the majority of `versions` has left each out of those `kept`; None if never."""
+        judged = (versions.coverage >= 3)[:, :, None] & versions.known
+        n_judged = np.count_nonzero(judged, axis=(0, 1))
+        shares = np.count_nonzero(judged & ~kept.known, axis=(0, 1)) / np.maximum(n_judged, 1)
+        evident = (shares > _SHARE) & (n_judged >= _JUDGED)
+        return cls(np.where(evident, np.minimum(shares, 0.5), 0.0), noise) if evident.any() else None
+
+    def first_kept(self, versions: Versions, fused: Floats32) -> Versions:
+        """Leave out what the median of near pixels does not explain, which additions to single pixels do not reach."""
+        from scipy.ndimage import median_filter
+
+        return self.kept(versions, median_filter(fused, (3, 3, 1)))
+
+    def kept(self, versions: Versions, estimate: Floats32) -> Versions:
+        """Leave out values of suspected versions that the estimate and its errors nearby do not explain."""
+        known, span = versions.known.copy(), max(float(np.ptp(estimate)), 1e-30)
+        n_bands = estimate.shape[2]
+        for version in np.flatnonzero(self.shares):
+            values, own = versions.bands(int(version)), versions.known[:, :, version]
+            is_cut_off = np.asarray(versions.cut_off(int(version)).any(axis=2))
+            confirmed = np.zeros_like(own)
+            for other in (number for number in range(versions.n_versions) if number != version):
+                apart = np.square(versions.even(values - versions.bands(other), is_cut_off)).sum(axis=2)
+                apart /= versions.noisiness(values)
+                variance = self.noise[version] ** 2 + self.noise[other] ** 2
+                confirmed |= versions.known[:, :, other] & (apart <= (_RARE**2 + 2 * n_bands) * variance)
+            # Of versions that disagree here, one holds an addition.
+            share = np.where(versions.coverage == 1, self.shares[version], 0.5)
+            squares = np.square(versions.even(values - estimate, is_cut_off)).sum(axis=2) / versions.noisiness(estimate)
+            variance = self._variance(int(version), squares, own, n_bands)
+            room = np.log(np.maximum(span**2 / (2 * np.pi * variance), 1))
+            likelier = np.log((1 - share) / share) + n_bands / 2 * room
+            known[:, :, version] &= confirmed | (squares <= 2 * likelier * variance)
+        return replace(versions, known=known)
+
+    def _variance(self, version: int, squares: Floats32, seen: Bools, n_bands: int, around: int = 5) -> Floats32:
+        """(H, W) variance per band by which a version differs from the estimate nearby: noise, and errors of it."""
+        from scipy.ndimage import uniform_filter
+
+        least = np.float32(self.noise[version] ** 2)
+        usual = np.where(seen, np.minimum(squares, _RARE**2 * least * n_bands), 0) / n_bands
+        share = uniform_filter(seen.astype(np.float32), around, mode="constant")
+        mean = uniform_filter(usual.astype(np.float32), around, mode="constant")
+        return np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)

@@ -18,7 +18,7 @@ from cvtimg._shared.types import Bools, Floats32
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
-from cvtimg.restoration.versions import Clipped, fill, fuse
+from cvtimg.restoration.versions import Clipped, Versions, fill, fuse
 
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a
 #: megapixel takes some seconds.
@@ -41,17 +41,19 @@ _OWN = 3
 _NEAR, _STRICT, _SURE = 1.5, 48.0, 1.5
 
 
-def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generator) -> Floats32:
-    """(H, W, C) image of versions of one look, or of a single one, by groups of patches."""
-    versions = evidence.versions
-    values, weights = fuse(versions, evidence.trust)
+def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generator) -> tuple[Floats32, Versions]:
+    """(H, W, C) image of versions of one look, or of a single one, by groups of patches; also return what was used."""
+    versions, trust, suspicion = evidence.versions, evidence.trust, evidence.suspicion
+    fused, _ = fuse(versions, trust)
     if not evidence.noise.is_seen and (versions.coverage > 0).all():
-        return values
+        return fused, versions
     n_pixels = versions.coverage.size
     if effort == "auto":
         effort = next((name for name, most in _AFFORDABLE.items() if n_pixels <= most), "fast")
     passes = _PASSES[effort]
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
+    kept = suspicion.first_kept(versions, fused) if suspicion else versions
+    values, weights = fuse(kept, trust)
     estimate = gaussian_filter(values, _BLUR, axes=(0, 1))
     axes = Axes.of(evidence.noise.bands, estimate)
     # Holes are filled first, by passes in which known pixels count as a blur tells of them: else little would change.
@@ -63,8 +65,10 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
         kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(_KINDS, n_pixels), rng)
     with part(_FINDING, 1):
         for number, largest in each(list(enumerate(filling + passes, -len(filling)))):
+            if suspicion and number > -len(filling):
+                kept = suspicion.kept(versions, estimate)
             is_late = number >= min(_OWN, len(passes) - 1)
-            values, weights = _fused(evidence, variance, estimate, own=is_late)
+            values, weights = _fused(kept, evidence, variance, estimate, own=is_late)
             precision = np.minimum(weights / np.float32(variance), most if number < 0 else np.inf)
             noisy = Noisy(
                 with_border(axes.along(values)),
@@ -77,7 +81,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
             estimate = axes.back(_within_noise(image, noisy, even))
     if not evidence.noise.is_seen:
         estimate = np.where((weights > 0)[:, :, None], values, estimate)
-    return estimate
+    return estimate, kept
 
 
 def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Floats32:
@@ -119,13 +123,15 @@ def _parts(side: int) -> list[slice]:
     return list(starmap(slice, pairwise(side * number // n_parts for number in range(n_parts + 1))))
 
 
-def _fused(evidence: Evidence, variance: float, estimate: Floats32, *, own: bool) -> tuple[Floats32, Floats32]:
+def _fused(
+    versions: Versions, evidence: Evidence, variance: float, estimate: Floats32, *, own: bool
+) -> tuple[Floats32, Floats32]:
     """Fuse versions with what an estimate of what they show tells of each: (H, W, C) values, and (H, W) weights."""
     # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
     # Of versions that were moved by fractions of a pixel, `own` takes the pixels as they were; and they count less
     # where they differ from the first by more than noise: that is finer than the pixels, or has moved by itself.
-    versions, source, ends = evidence.versions, evidence.given, list[tuple[bool, bool]]()
-    white, total, weights = versions.white, np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32)
+    white, source, ends = versions.white, evidence.given, list[tuple[bool, bool]]()
+    total, weights = np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32)
     first, first_known, spread = versions.bands(0), versions.known[:, :, 0], versions.noisiness(estimate)
 
     def add(version: int, share: np.float32) -> None:

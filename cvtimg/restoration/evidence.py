@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
@@ -13,7 +14,7 @@ from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import part
 from cvtimg._shared.threads import side_by_side
 from cvtimg._shared.types import Floats
-from cvtimg.restoration.agreement import HIDDEN
+from cvtimg.restoration.agreement import HIDDEN, Suspicion
 from cvtimg.restoration.alignment import MODELS, Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.defects import Defects, without_defects
@@ -33,6 +34,7 @@ class Evidence:
     misfits: Floats  # (S,): misfit of each version, in place, with the one that most fit
     noise: Noise
     trust: Floats  # (S,): weight of each version, with mean 1
+    suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
     channels: bool  # whether versions share segments but no colors
     aligned: bool  # whether versions were put in place
     defects: Defects  # impulses and stripes that were taken out of versions
@@ -55,6 +57,7 @@ class Evidence:
 
 def prepare(
     given: Versions,
+    weights: ArrayLike | None,
     *,
     align: bool | AlignName = False,
     hidden: str | None = None,
@@ -80,7 +83,7 @@ def prepare(
     with part(0.4, 1):  # noise of what was given: interpolation smooths it
         noise_of = partial(Noise.of, level=level, white=white, in_place=model is None and not channels)
         noise = noise_of(given)
-    versions, apart = placed, np.full(given.n_versions, np.nan)
+    versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise.levels)
         versions, apart = fitting(placed, usual, noise.shared, aligned=bool(model), hidden=hidden or "none")
@@ -93,8 +96,9 @@ def prepare(
     if not channels:
         usual = usual_noise(placed, noise.levels)
         versions = rule(versions, usual, moved=bool(model))
-    trust = trust_in(given, noise.levels)
-    return Evidence(given, placed, versions, alignment, apart, noise, trust, channels, bool(model), defects)
+        suspicion = Suspicion.of(placed, versions, usual) if hidden == "outliers" else None
+    trust = trust_in(given, weights, noise.levels)
+    return Evidence(given, placed, versions, alignment, apart, noise, trust, suspicion, channels, bool(model), defects)
 
 
 def that_tell(versions: Versions, *, quietly: bool = False) -> Versions:

@@ -6,8 +6,8 @@ covers it. Each rule of renormalization undoes that in its own way.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,8 @@ def merge_versions(
 ) -> Restoration:
     """Find segments of pixels whose stacked values are alike, and one color for each; None picks their number."""
     versions, trust = evidence.versions, evidence.trust
+    if evidence.suspicion:
+        versions = evidence.suspicion.first_kept(versions, fuse(versions, trust)[0])
     unit, cost = versions.level(space) ** 2, edge_weight
     if cost is None:  # half or twice as much serves nearly as well
         cost = 0.5 * max(evidence.variances(versions)) / unit
@@ -67,9 +69,14 @@ def merge_versions(
     end = min(ends, key=lambda end: end.energies[-1])
     bands = [versions.version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
 
-    generators, masses = (np.stack([values[:, some] for some in bands]) for values in (end.generators, end.masses))
-    alone = (settled(end.labels, some) for some in bands)  # once they have settled in each version
-    colors = RENORMALIZATIONS[renormalize](generators, masses, alone)
+    levels = Levels(
+        versions,
+        end.labels,
+        generators=np.stack([end.generators[:, some] for some in bands]),
+        masses=np.stack([end.masses[:, some] for some in bands]),
+        alone=lambda version: settled(end.labels, bands[version]),
+    )
+    colors = RENORMALIZATIONS[renormalize](levels)
     white = peak(evidence.placed.dtypes[0]) if space != "rgb" else 1.0
     shown = from_space(colors, space, np.dtype(np.float64)) * white
     # Segments that are left, from dark to bright.
@@ -109,19 +116,43 @@ def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats32
 # --- renormalization
 
 
-def mean_colors(generators: Floats, masses: Floats, alone: Iterable[EdgeWeighted]) -> Floats:
-    """(K, C) mean of the known values of each segment, from means and weights in each version, (S, K, C)."""
-    totals, sums = masses.sum(axis=0), (masses * generators).sum(axis=0)
-    return np.divide(sums, totals, out=generators.mean(axis=0), where=totals > 0)
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """Segments of versions, from which their colors are made."""
+
+    versions: Versions
+    labels: Ints  # (H, W): labels from 1
+    generators: Floats  # (S, K, C): means and weights of the segments in each version; of channels, in the first
+    masses: Floats
+    #: Takes the number of a version and returns its segments once they have settled in it alone
+    alone: Callable[[int], EdgeWeighted]
 
 
-def range_colors(generators: Floats, masses: Floats, alone: Iterable[EdgeWeighted]) -> Floats:
+def mean_colors(levels: Levels) -> Floats:
+    """(K, C) mean of the known values of each segment in all versions."""
+    totals = levels.masses.sum(axis=0)
+    sums = (levels.masses * levels.generators).sum(axis=0)
+    return np.divide(sums, totals, out=levels.generators.mean(axis=0), where=totals > 0)
+
+
+def median_colors(levels: Levels) -> Floats:
+    """(K, C) median of the known values of each segment: right while less than half of it is painted over."""
+    colors, known = mean_colors(levels), levels.versions.known
+    some = range(len(levels.masses))
+    values = np.concatenate([levels.versions.bands(version)[known[:, :, version]] for version in some])
+    labels = np.concatenate([levels.labels[known[:, :, version]] for version in some])
+    for label in np.unique(labels):
+        colors[label - 1] = np.median(values[labels == label], axis=0)
+    return colors
+
+
+def range_colors(levels: Levels) -> Floats:
     """(K, C) median over the versions of the level that each segment has in that version alone."""
     # In a single version, painted-over parts belong to the background and no longer dilute the level of the rest, so
     # the levels span the range of the versions again. Levels are those of segments, not of the least and greatest
     # pixels, which are the noisiest. A segment that has less than a thousandth of every version keeps its mean.
-    colors, told = mean_colors(generators, masses, alone), []
-    for end in alone:
+    colors, told = mean_colors(levels), []
+    for end in map(levels.alone, range(len(levels.masses))):
         enough = end.masses >= max(1e-3 * float(end.masses.sum(axis=0).max()), 1e-12)
         told.append(np.where(enough, end.generators, np.nan))
     some = ~np.isnan(told).all(axis=(0, 2))
@@ -130,4 +161,8 @@ def range_colors(generators: Floats, masses: Floats, alone: Iterable[EdgeWeighte
 
 
 #: The registry: names for `renormalize` and ``--renormalize``; "none" keeps the means.
-RENORMALIZATIONS = {"range": range_colors, "none": mean_colors}
+RENORMALIZATIONS: dict[str, Callable[[Levels], Floats]] = {
+    "range": range_colors,
+    "median": median_colors,
+    "none": mean_colors,
+}

@@ -48,6 +48,7 @@ def restore(
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
     alpha: bool | None = None,
+    weights: ArrayLike | None = None,
     align: bool | AlignName = False,
     channels: bool = False,
     hidden: str | None = "outliers",
@@ -76,6 +77,8 @@ def restore(
         Pixels with this value in all bands are unknown.
     alpha : bool, optional
         Whether the last channel of versions of two or four channels is alpha; False makes it a band. By default it is.
+    weights : (S,) array, optional
+        Weight of each version, > 0; by default the inverse variance of its noise, which is estimated.
     align : bool or {"auto", "translation", "euclidean", "affine", "homography"}
         Move each version to the place of the first. The name is the model of the motion: "euclidean" is a rotation and
         a translation, "homography" suits what is flat or far away. "auto", or True, takes the simplest that fits.
@@ -96,10 +99,11 @@ def restore(
     edge_weight : float or "auto"
         Penalty for each pair of pixels within a distance of 3 pixels in different segments, in squared 8-bit levels at
         any depth. "auto" is half the variance of the noise or, where versions disagree by more, of their disagreement.
-    renormalize : {"range", "none"} or None
+    renormalize : {"range", "median", "none"} or None
         How the generators of the versions become one color. The mean of a segment is diluted if a version hides parts
         of it. "range" takes the level that the segment has in each version on its own, where hidden parts belong to
-        the background, so that colors span the range of the versions again. "none" or None takes the mean.
+        the background, so that colors span the range of the versions again. "median" takes the median of all that is
+        known of the segment, "none" or None the mean.
     noise : float, optional
         Standard deviation of the noise of each version, > 0, in 8-bit levels at any depth; by default it is estimated.
     effort : {"fast", "balanced", "best"}
@@ -161,7 +165,7 @@ def restore(
     else:
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
     with part(0, _PREPARING):
-        evidence = prepare(given, align=align, hidden=hidden, level=noise, space=space, channels=channels)
+        evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, channels=channels)
     with part(_PREPARING, 1):
         return merge_versions(evidence, number, edge_weight=cost, renormalize=rule, effort=effort, space=space)
 
@@ -173,6 +177,7 @@ def denoise(
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
     alpha: bool | None = None,
+    weights: ArrayLike | None = None,
     align: bool | AlignName = False,
     hidden: str | None = "outliers",
     space: SpaceName = "rgb",
@@ -190,7 +195,7 @@ def denoise(
 
     Parameters
     ----------
-    images, masks, nodata, alpha, align, hidden, space, noise
+    images, masks, nodata, alpha, weights, align, hidden, space, noise
         As in `restore`. Integer values are taken to be clipped at the ends of their type where they pile up there.
     noise_like : {"auto", "white"}
         Whether pixels next to each other may share noise, as after demosaicing, scaling, blurring or JPEG, and whether
@@ -241,12 +246,12 @@ def denoise(
     given, bands = stacked.distinct()
     white = noise_like == "white"
     with part(0, _PREPARING):
-        evidence = prepare(given, align=align, hidden=hidden, level=noise, space=space, white=white)
+        evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, white=white)
     with part(_PREPARING, 1):
-        image = denoised(evidence, effort, np.random.default_rng(rng))
+        image, used = denoised(evidence, effort, np.random.default_rng(rng))
     if strengths != (1, 1):
-        image = _in_part(image, fuse(evidence.versions, evidence.trust), *strengths, space)
-    return Denoised.of(stacked.with_all(image, bands), evidence.versions, evidence, space, bands=bands)
+        image = _in_part(image, fuse(used, evidence.trust), *strengths, space)
+    return Denoised.of(stacked.with_all(image, bands), used, evidence, space, bands=bands)
 
 
 def _in_part(
@@ -334,7 +339,7 @@ def _shows_drawing(versions: Versions) -> bool:
     if versions.n_versions > 1:
         _, apart = misfits_of_most(versions, usual_noise(versions, noise))
         versions = replace(versions, known=versions.known & (apart <= MOST_MISFIT))
-    trust = trust_in(versions, noise)
+    trust = trust_in(versions, None, noise)
     picture, weight = fuse(versions, trust, _BLUR)
     slopes = [gaussian_gradient_magnitude(band, 1.0) for band in np.moveaxis(picture, 2, 0)]
     slope = np.square(slopes).sum(axis=0).ravel()

@@ -15,7 +15,7 @@ from PIL import Image
 from PIL.JpegImagePlugin import samplings
 from scipy.ndimage import gaussian_filter
 
-from cvtimg._shared.checks import check_image, check_shape, check_that
+from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, usual_range, white_of
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
@@ -317,9 +317,15 @@ def disagreement(versions: Versions, trust: Floats) -> float:
     return float(apart[versions.coverage > 1].sum() / freedom) if freedom else np.nan
 
 
-def trust_in(versions: Versions, noise: Floats) -> Floats:
-    """(S,) weight of each version, with mean 1: the inverse variance of its noise."""
-    trust = 1 / usual_noise(versions, noise) ** 2
+def trust_in(versions: Versions, weights: ArrayLike | None, noise: Floats) -> Floats:
+    """(S,) weight of each version, with mean 1: the given one, or the inverse variance of its noise."""
+    if weights is not None:
+        trust = np.asarray(weights, np.float64)
+        each = (versions.n_versions,)
+        check_shape("weights", trust.shape, trust.shape == each, f"{each}, one for each version")
+        check_in_range("weights", trust.tolist(), np.isfinite(trust).all() and trust.min() > 0, "finite and > 0")
+    else:
+        trust = 1 / usual_noise(versions, noise) ** 2
     return trust / trust.mean()
 
 

@@ -67,6 +67,7 @@ segment a.png -k 2 --contours a.dxf | .dxf' must end in one of .svg, .geojson
 segment a.png -k 2 -o a.jpg | .jpg' must end in one of .png, .tif, .tiff, .npy
 segment a.png -k 2 --line-color loud | 'loud' must be a color such as '#rgb'
 segment a.png b.png -k 2 --overlay a.png | --overlay is for one input
+restore a.png b.png -k 2 -o out.png --weights 1,-2 | '1,-2' must be numbers > 0
 restore a.png b.png -k 2 -o out.png --edge-weight x | 'x' must be auto or a number >= 0
 restore a.png b.png -k 2 -o out.png --mask black.png | --mask is given 1 times, for 2 versions
 restore a.png b.png -k 2 -o b.png --overwrite | b.png is an input

@@ -67,7 +67,7 @@ def test_spikes_are_left_out_of_flat_segments_where_holes_leave_no_majority() ->
     found_in = partial(restore, n_generators=4, masks=known, effort="fast")
     plain = found_in(versions)
     found = found_in(spiked)
-    assert psnr(found.image, clean) > psnr(plain.image, clean) - 6.5
+    assert psnr(found.image, clean) > psnr(plain.image, clean) - 5
     assert psnr(found_in(spiked, hidden="none").image, clean) < psnr(found.image, clean) - 5
     alone = np.sum(known, axis=0) == 1
     assert 0.005 < (found.left_out[alone] > 0).mean() < 0.05

@@ -42,9 +42,10 @@ def test_the_union_of_an_object_comes_back_at_full_contrast_without_masks(sigma:
 
 
 def test_range_restores_full_contrast_and_means_do_not() -> None:
-    ranged, mean = (union(0.1, hidden=None, renormalize=rule).colors[1, 0] for rule in RENORMALIZATIONS)
+    ranged, median, mean = (union(0.1, hidden=None, renormalize=rule).colors[1, 0] for rule in RENORMALIZATIONS)
     assert ranged == pytest.approx(1, abs=0.02)
     assert mean < 0.95
+    assert mean < median < 1.02
 
 
 def test_a_card_of_four_colors_comes_back_from_noise_holes_and_blocks() -> None:
@@ -125,10 +126,13 @@ def test_a_noisier_version_counts_for_less() -> None:
     rng = np.random.default_rng(0)
     versions = [clean + sigma * rng.standard_normal(clean.shape) for sigma in (0.05, 0.05, 0.5)]
     spoiled = [*versions[:2], versions[2] + 0.3]
-    one, other = (restore(some, 4, renormalize=None, effort="fast") for some in (versions, spoiled))
-    assert np.abs(one.colors - other.colors).max() <= 0.01
-    np.testing.assert_allclose(one.weights[0] / one.weights[2], 100, rtol=0.3)
-    np.testing.assert_allclose(one.weights.mean(), 1)
+    for weights, least, most in ((None, 0, 0.01), ([1, 1, 1], 0.08, 0.12)):
+        one, other = (
+            restore(some, 4, renormalize=None, weights=weights, effort="fast") for some in (versions, spoiled)
+        )
+        assert least <= np.abs(one.colors - other.colors).max() <= most
+        np.testing.assert_allclose(one.weights[0] / one.weights[2], 1 if weights else 100, rtol=0.3)
+        np.testing.assert_allclose(one.weights.mean(), 1)
 
 
 def test_channels_share_segments_and_no_colors() -> None:
@@ -191,7 +195,9 @@ RGB = np.zeros((6, 8, 3))
         ([GREY] * 2, {"masks": [np.zeros((6, 8))] * 2}, "no version knows any pixel"),
         ([GREY] * 2, {"masks": [np.ones((6, 8))]}, "masks has 1 masks and must have 2"),
         ([GREY] * 2, {"masks": [None, np.ones((8, 6))]}, r"masks\[1\] of shape \(8, 6\) must be \(6, 8\)"),
-        ([GREY] * 2, {"renormalize": "max"}, "renormalize='max' must be one of range, none"),
+        ([GREY] * 2, {"weights": [1]}, r"weights of shape \(1,\) must be \(2,\)"),
+        ([GREY] * 2, {"weights": [1, 0]}, r"weights=\[1.0, 0.0\] must be finite and > 0"),
+        ([GREY] * 2, {"renormalize": "max"}, "renormalize='max' must be one of range, median, none"),
         ([GREY] * 2, {"edge_weight": "much"}, "edge_weight='much' must be"),
         ([GREY] * 2, {"edge_weight": -1}, "edge_weight=-1 must be"),
         ([GREY] * 2, {"n_generators": "many"}, "n_generators='many' must be one of auto"),

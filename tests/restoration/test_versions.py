@@ -10,7 +10,8 @@ import pytest
 from damaging import card
 
 from cvtimg import restore
-from cvtimg.restoration.merging import mean_colors, range_colors
+from cvtimg._shared.types import Array
+from cvtimg.restoration.merging import Levels, mean_colors, median_colors, range_colors
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.versions import fill, fuse, stack_versions, trust_in, usual_noise
 
@@ -26,7 +27,7 @@ def test_a_version_that_knows_too_little_counts_as_the_others_do() -> None:
     noise = Noise.of(stack).levels
     assert np.isnan(noise).tolist() == [False, False, True]
     np.testing.assert_allclose(usual_noise(stack, noise), 0.1, rtol=0.15)
-    np.testing.assert_allclose(trust_in(stack, noise), 1, rtol=0.3)
+    np.testing.assert_allclose(trust_in(stack, None, noise), 1, rtol=0.3)
     np.testing.assert_allclose(restore(versions, 4, masks=known).weights, 1, rtol=0.3)
 
 
@@ -34,13 +35,13 @@ def test_versions_of_which_nothing_can_be_told_count_the_same() -> None:
     tiny = [np.array([[0.0, 1.0]]), np.array([[0.1, 0.9]])]
     stack = stack_versions(tiny)
     assert np.isnan(Noise.of(stack).levels).all()
-    np.testing.assert_array_equal(trust_in(stack, Noise.of(stack).levels), 1)
+    np.testing.assert_array_equal(trust_in(stack, None, Noise.of(stack).levels), 1)
 
 
 def test_no_version_counts_for_more_than_rounding_to_8_bits_allows() -> None:
     ramp = np.add.outer(np.arange(40.0), np.arange(40.0)) / 78
     stack = stack_versions([ramp, ramp + RNG.normal(0, 2 / 256, ramp.shape)])
-    trust = trust_in(stack, Noise.of(stack).levels)
+    trust = trust_in(stack, None, Noise.of(stack).levels)
     np.testing.assert_allclose(trust[0] / trust[1], 4, rtol=0.3)
 
 
@@ -79,24 +80,36 @@ def test_what_is_not_known_is_filled_from_nearby() -> None:
     np.testing.assert_array_equal(filled[weight > 0], (down + right)[weight > 0])
 
 
-def levels(alone: list[tuple[list[float], list[float]]], means: list[float]) -> Any:
-    """Means and weights of two segments of one band in versions, and both of each version alone."""
-    told = [SimpleNamespace(generators=np.c_[levels], masses=np.c_[masses]) for levels, masses in alone]
-    return np.array([[[mean], [10.0]] for mean in means]), np.full((len(means), 2, 1), 50.0), told
+def levels(alone: list[tuple[list[float], list[float]]], means: list[float]) -> Levels:
+    """Two segments of one band: the levels and masses of each version alone, and the means of both in each version."""
+    told: Any = [SimpleNamespace(generators=np.c_[levels], masses=np.c_[masses]) for levels, masses in alone]
+    return Levels(
+        stack_versions([np.array([[mean, 10.0]]) for mean in means]),
+        labels=np.array([[1, 2]], np.int32),
+        generators=np.array([[[mean], [10.0]] for mean in means]),
+        masses=np.full((len(means), 2, 1), 50.0),
+        alone=told.__getitem__,
+    )
 
 
-@pytest.mark.parametrize(
-    ("alone", "means", "expected"),
-    [
-        ([([1, 9], [40, 60]), ([2, 9], [40, 60]), ([7, 9], [40, 60])], [4, 4, 4], [2, 9]),
-        # In the third version a single pixel of 2000 is left of the first segment: noise, and no level.
-        ([([1, 9], [900, 1100]), ([1.2, 9], [900, 1100]), ([8, 9], [1, 1999])], [4, 4, 4], [1.1, 9]),
-        # No version tells the first segment, which keeps its mean.
-        ([([8, 9], [1, 1999]), ([7, 9], [0, 2000])], [4, 5], [4.5, 9]),
-    ],
-)
-def test_range_takes_the_median_of_the_levels_that_versions_have_alone(
-    alone: Any, means: list[float], expected: list[float]
-) -> None:
-    np.testing.assert_allclose(range_colors(*levels(alone, means)).ravel(), expected)
-    np.testing.assert_allclose(mean_colors(*levels(alone, means)).ravel(), [np.mean(means), 10])
+def test_range_takes_the_median_of_the_levels_that_versions_have_alone() -> None:
+    told = levels([([1, 9], [40, 60]), ([2, 9], [40, 60]), ([7, 9], [40, 60])], [4, 4, 4])
+    np.testing.assert_array_equal(range_colors(told).ravel(), [2, 9])
+
+
+def test_range_is_not_told_by_a_segment_that_has_almost_vanished_from_a_version() -> None:
+    # In the third version a single pixel of 2000 is left of the first segment: noise, and no level.
+    told = levels([([1, 9], [900, 1100]), ([1.2, 9], [900, 1100]), ([8, 9], [1, 1999])], [4, 4, 4])
+    np.testing.assert_allclose(range_colors(told).ravel(), [1.1, 9])
+
+
+def test_range_keeps_the_mean_of_a_segment_that_no_version_tells() -> None:
+    told = levels([([8, 9], [1, 1999]), ([7, 9], [0, 2000])], [4, 5])
+    np.testing.assert_allclose(range_colors(told).ravel(), [4.5, 9])
+    np.testing.assert_allclose(mean_colors(told).ravel(), [4.5, 10])
+
+
+@pytest.mark.parametrize(("seen", "median"), [([1, 2, 9], 2), ([1, 9], 5)])
+def test_median_is_that_of_all_values_of_a_segment(seen: list[float], median: float) -> None:
+    colors: Array = median_colors(levels([], seen))
+    np.testing.assert_array_equal(colors.ravel(), [median, 10])
