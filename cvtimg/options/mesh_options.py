@@ -150,7 +150,7 @@ SPHERE = (
         metavar="KM|FILE",
         excludes=("density",),
     ).on_page("Width", slider=(60, 2000), log=True, low=60, high=5000, default=480, unit="km"),
-    common.output("Grid: .nc (MPAS), .ugrid.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
+    common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
     file(
         "density",
         "Gather points where a map of the globe, twice as wide as high, is bright.",

@@ -116,8 +116,8 @@ class SavedGrid(ReadOnly):
         Parameters
         ----------
         path : str or path-like
-            .nc (a mesh of MPAS), .ugrid.nc (UGRID), .graph.info (the graph of cells, for METIS), .vtu and .geojson
-            (cells as polygons) or .csv (a row per point).
+            .nc (a mesh of MPAS), .ugrid.nc (UGRID), .scrip.nc (SCRIP, for ESMF's tools), .graph.info (the graph of
+            cells, for METIS), .vtu and .geojson (cells as polygons) or .csv (a row per point).
         radius : float
             Of the sphere in the file, which lengths and areas follow: 1, as meshes of MPAS-Atmosphere have it, or that
             of the earth in meters: 6371229 in MPAS and WRF, 6371220 in CESM and E3SM.

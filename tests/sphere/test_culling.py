@@ -163,7 +163,7 @@ def test_every_format_holds_a_part(tmp_path: Path) -> None:
     uxarray = pytest.importorskip("uxarray")
     part = limit_area(GRID, Box(-30, 20, 40, 60), layers=2)
     n = int(part.kept.sum())
-    for end in (".nc", ".ugrid.nc"):
+    for end in (".nc", ".ugrid.nc", ".scrip.nc"):
         part.save(tmp_path / f"part{end}")
         assert uxarray.open_grid(tmp_path / f"part{end}").n_face == n
     for end in (".graph.info", ".csv", ".geojson", ".vtu"):

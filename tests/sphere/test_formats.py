@@ -69,7 +69,7 @@ def mpas(folder: Path) -> dict[str, Array]:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", ["unit.nc", "grid.nc", "grid.ugrid.nc"])
+@pytest.mark.parametrize("name", ["unit.nc", "grid.nc", "grid.ugrid.nc", "grid.scrip.nc"])
 def test_uxarray_opens_and_validates_the_grid(folder: Path, name: str) -> None:
     import uxarray
 
@@ -79,7 +79,7 @@ def test_uxarray_opens_and_validates_the_grid(folder: Path, name: str) -> None:
     grid = uxarray.open_grid(folder / name)
     assert grid.validate()
     assert (grid.n_face, grid.n_node) == (N, 2 * N - 4)
-    assert grid.n_edge == 3 * N - 6
+    assert "scrip" in name or grid.n_edge == 3 * N - 6  # in SCRIP files, corners that are repeated make edges
     assert np.allclose(grid.face_areas, SphericalVoronoi(spiral(N)).calculate_areas(), rtol=1e-5)
 
 
@@ -108,10 +108,10 @@ def test_lengths_and_areas_are_in_units_of_the_radius(folder: Path, mpas: dict[s
             assert np.allclose(file.variables[name][:], mpas[name], rtol=1e-12)
 
 
-def test_numbers_have_the_types_that_other_programs_read(tmp_path: Path) -> None:
+def test_numbers_have_the_types_that_other_programs_read(folder: Path, tmp_path: Path) -> None:
     write_grid(tmp_path / "a.nc", content(spiral(50), 6371220.123))
     write_grid(tmp_path / "a.ugrid.nc", content(spiral(50), 6371220.123))
-    for path in (tmp_path / "a.nc", tmp_path / "a.ugrid.nc"):
+    for path in (tmp_path / "a.nc", tmp_path / "a.ugrid.nc", folder / "grid.scrip.nc"):
         with netcdf_file(path, mmap=False) as file:
             described = [file, *file.variables.values()]
             values = [*(variable.data for variable in described[1:])]
@@ -119,7 +119,17 @@ def test_numbers_have_the_types_that_other_programs_read(tmp_path: Path) -> None
             for value in values:
                 kind = np.asarray(value).dtype
                 assert kind.kind in "SU" or kind.newbyteorder("=") in (np.float64, np.int32)
-            assert file.sphere_radius == 6371220.123
+            if "scrip" not in path.name:
+                assert file.sphere_radius == 6371220.123
+
+
+def test_cells_of_scrip_repeat_their_last_corner_and_nothing_else(folder: Path, mpas: dict[str, Array]) -> None:
+    with netcdf_file(folder / "grid.scrip.nc", mmap=False) as file:
+        lon, lat = (file.variables[f"grid_corner_{name}"][:] for name in ("lon", "lat"))
+    same = (np.diff(lon, axis=1) == 0) & (np.diff(lat, axis=1) == 0)
+    n_corners = lon.shape[1] - same.sum(axis=1)
+    assert (n_corners == mpas["nEdgesOnCell"]).all()
+    assert (same == (np.arange(1, lon.shape[1]) >= n_corners[:, None])).all()
 
 
 def test_orders_go_around_counterclockwise(mpas: dict[str, Array]) -> None:

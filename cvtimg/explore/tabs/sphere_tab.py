@@ -21,6 +21,7 @@ _MOST = 163_842
 _FILES = {
     ".nc": "MPAS mesh (.nc)",
     ".ugrid.nc": "UGRID (.ugrid.nc)",
+    ".scrip.nc": "SCRIP (.scrip.nc)",
     ".graph.info": "Graph for METIS (.graph.info)",
     ".vtu": "VTK (.vtu)",
     ".geojson": "Cells, GeoJSON",

@@ -12,7 +12,7 @@ from cvtimg._shared.checks import refuse
 from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath, csv_text, whole_file
 from cvtimg.sphere.formats.geometry import CulledContent, GridContent, latitudes_longitudes
-from cvtimg.sphere.formats.netcdf import write_mpas, write_ugrid
+from cvtimg.sphere.formats.netcdf import write_mpas, write_scrip, write_ugrid
 from cvtimg.sphere.formats.polygons import write_geojson, write_vtu
 
 __all__ = ["GRID_FORMATS", "CulledContent", "GridContent", "grid_format", "write_grid"]
@@ -53,6 +53,7 @@ def _degrees(points: Floats) -> tuple[Floats, Floats]:
 #: The registry of formats: end of the file's name to the function that writes it; longer ends come first.
 GRID_FORMATS: dict[str, Callable[[BinaryIO, GridContent], None]] = {
     ".ugrid.nc": write_ugrid,
+    ".scrip.nc": write_scrip,
     ".graph.info": write_graph,
     ".nc": write_mpas,
     ".vtu": write_vtu,

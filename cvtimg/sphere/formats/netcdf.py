@@ -1,4 +1,4 @@
-"""Grids as netCDF, in the classic format with 64-bit offsets, which every library reads: MPAS and UGRID."""
+"""Grids as netCDF, in the classic format with 64-bit offsets, which every library reads: MPAS, UGRID and SCRIP."""
 
 from __future__ import annotations
 
@@ -213,6 +213,34 @@ def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
         variables[name] = Variable(("n_face",), values, {"long_name": text, "mesh": "mesh", "location": "face"})
     attributes = {"Conventions": "CF-1.8 UGRID-1.0", "source": "cvtimg", "sphere_radius": float(grid.radius)}
     write_netcdf(file, dimensions, variables, {**attributes, **grid.attributes})
+
+
+def write_scrip(file: BinaryIO, grid: GridContent) -> None:
+    """Write the format of SCRIP and ESMF's tools: cells by their corners, areas in steradians.
+
+    SCRIP has no fill value: cells with fewer corners than others repeat their last one, as MPAS-Tools writes it.
+    """
+    around, geometry = grid.around, grid.geometry
+    last = around.vertices_on_cell[np.arange(len(grid.points)), around.degrees - 1]
+    corners = np.where(around.vertices_on_cell < 0, last[:, None], around.vertices_on_cell)
+    latitudes, longitudes = latitudes_longitudes(geometry.vertices)
+    center_latitudes, center_longitudes = latitudes_longitudes(grid.points)
+    size, table = ("grid_size",), ("grid_size", "grid_corners")
+    radians = {"units": "radians"}
+    variables = {
+        "grid_dims": Variable(("grid_rank",), np.array([len(grid.points)], np.int32)),
+        "grid_center_lat": Variable(size, center_latitudes, radians),
+        "grid_center_lon": Variable(size, center_longitudes, radians),
+        "grid_corner_lat": Variable(table, latitudes[corners], radians),
+        "grid_corner_lon": Variable(table, longitudes[corners], radians),
+        "grid_imask": Variable(
+            size, 1 - grid.flags.get("land", np.zeros(len(grid.points), np.int32)), {"units": "unitless"}
+        ),
+        "grid_area": Variable(size, geometry.cell_areas, {"units": "radians^2"}),
+    }
+    dimensions = {"grid_size": len(grid.points), "grid_corners": corners.shape[1], "grid_rank": 1}
+    attributes = {"Conventions": "SCRIP", "title": "cvtimg", "source": "cvtimg", **grid.attributes}
+    write_netcdf(file, dimensions, variables, attributes)
 
 
 def _coordinates(name: str, places: Floats) -> dict[str, Variable]:
