@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from itertools import count
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
@@ -24,10 +25,12 @@ T = TypeVar("T")
 PIECE_ROWS = 1 << 20
 #: Sums that are added at a time: fewer make more tasks, and more wait for each other.
 _WIDTH = 8
+_KEY = "cvtimg-block"
+_passes = count()
 
 
 class BlockError(ValueError):
-    """A block is not as it must be; `number` says which, from 0."""
+    """A block is not as it must be, or cannot be read; `number` says which, from 0."""
 
     def __init__(self, number: int, why: str) -> None:
         super().__init__(number, why)
@@ -67,13 +70,15 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
 
     rows = blocks.rows.to_delayed()[:, 0].tolist()
     weights = [None] * len(rows) if blocks.weights is None else blocks.weights.to_delayed().tolist()
-    promised = blocks.lengths or (None,) * len(rows)
-    common = delayed((work, promised, blocks.n_dims, shared), pure=False, traverse=False)
+    parts, name = list(zip(rows, weights, strict=True)), getattr(work, "__name__", "work")
+    token = f"{_KEY}-{name}-{next(_passes)}"
+    promised = blocks.lengths or (None,) * len(parts)
+    common = delayed((work, promised, blocks.n_dims, shared), name=f"{token}-shared", traverse=False)
     on_rows, total = delayed(_on_rows, pure=False), delayed(add, pure=False)
-    sums = [on_rows(number, *arrays, common) for number, arrays in enumerate(zip(rows, weights, strict=True))]
+    sums = [on_rows(number, *arrays, common, dask_key_name=f"{token}-{number}") for number, arrays in enumerate(parts)]
     while len(sums) > 1:  # along a tree that depends only on their number
         sums = [total(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
-    return _computed(sums)[0]
+    return _computed(sums, parts)[0]
 
 
 def map_rows(
@@ -104,7 +109,7 @@ def blocks_of(*arrays: Any) -> Iterator[tuple[Array, ...]]:
     """Compute Dask arrays that are in the same number of blocks, block by block in order, some at a time."""
     parts = list(zip(*(array.to_delayed().ravel().tolist() for array in arrays), strict=True))
     for start in range(0, len(parts), _WIDTH):
-        yield from _computed(parts[start : start + _WIDTH])
+        yield from _computed(parts[start : start + _WIDTH], parts)
 
 
 def _mapped(rows: Array, *, function: Callable[[Array], Array], empty: Array, block_info: Any = None) -> Array:
@@ -133,20 +138,41 @@ def _on_rows(number: int, rows: object, weights: object, common: tuple[Any, ...]
         raise BlockError(number, one_line(error)) from error
 
 
-def _computed(values: Sequence[Any]) -> tuple[Any, ...]:
-    """Compute delayed values; ConnectionError says that the cluster was lost."""
-    import dask.base
-
-    library: Any = dask.base
+def _computed(values: Sequence[Any], parts: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
+    """Compute delayed values that are made of the delayed arrays of each block."""
     try:
-        return library.compute(*values)
+        return _compute(*values)
     except BlockError:
         raise
     except Exception as error:
-        kind = type(error).__name__
-        if kind == "KilledWorker":
-            n_lost = getattr(error, "allowed_failures", 0) + 1
-            raise ConnectionError(f"{n_lost} workers of the Dask cluster were lost at the same work") from error
-        if type(error).__module__.partition(".")[0] == "distributed" or "Cancelled" in kind:
-            raise ConnectionError(f"the Dask cluster was lost ({one_line(error) or kind})") from error
-        raise
+        _explain(error, parts)
+
+
+def _explain(error: Exception, parts: Sequence[tuple[Any, ...]]) -> NoReturn:
+    """Say which block it was, or that the cluster was lost."""
+    kind = type(error).__name__
+    if kind == "KilledWorker":
+        key = str(getattr(error, "task", ""))
+        number = int(key.rpartition("-")[2]) if key.startswith(_KEY) and key.rpartition("-")[2].isdigit() else -1
+        n_lost = getattr(error, "allowed_failures", 0) + 1
+        if number >= 0:
+            raise BlockError(number, f"{n_lost} workers were lost while they worked on it") from error
+        raise ConnectionError(f"{n_lost} workers of the Dask cluster were lost while they worked on {key}") from error
+    if type(error).__module__.partition(".")[0] == "distributed" or "Cancelled" in kind:
+        raise ConnectionError(f"the Dask cluster was lost ({one_line(error) or kind})") from error
+    # Dask does not say where an error comes from: read one block after the other.
+    from dask.delayed import delayed
+
+    for number, arrays in enumerate(parts):
+        try:
+            _compute(*(delayed(len, pure=False)(array) for array in arrays if array is not None))
+        except Exception as why:
+            raise BlockError(number, f"cannot be read ({type(why).__name__}: {one_line(why)})") from why
+    raise error
+
+
+def _compute(*values: Any) -> tuple[Any, ...]:
+    import dask.base
+
+    library: Any = dask.base
+    return library.compute(*values)

@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_count, check_shape, check_that, warn_if_rounded
+from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that, warn_if_rounded
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
+from cvtimg.engine.methods.probabilistic import meet
 from cvtimg.engine.points import RowMoments, assign_rows, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
+from cvtimg.files.whole import StrPath
 
 try:
     from scipy.spatial.distance import cdist
@@ -46,6 +48,8 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         Initial generators. From an array the iteration starts without a search.
     effort : {"fast", "balanced", "best"}
         How much work to spend on finding a low energy.
+    checkpoint : path, optional
+        For samples in blocks: a file that keeps the state of a long fit, as in `tessellate`.
     random_state : int, RandomState instance or None
         An int is the seed, like `rng` of `tessellate`. A RandomState draws a new seed for each fit; None uses NumPy's
         global one.
@@ -108,24 +112,27 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         method: MethodName = "lloyd",
         init: InitName | ArrayLike = "split",
         effort: EffortName = "balanced",
+        checkpoint: StrPath | None = None,
         random_state: object = 0,
     ) -> None:
         self.n_clusters = n_clusters
         self.method = method
         self.init = init
         self.effort = effort
+        self.checkpoint = checkpoint
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> CVT:  # noqa: N803
         """Compute the tessellation of finite samples, an array or in blocks, with (n_samples,) weights >= 0."""
         if is_blocked(X):
             blocks = as_blocks(X, sample_weight, weights_name="sample_weight")
-            result = self._tessellate(blocks, None, self.n_clusters)
+            result = self._tessellate(blocks, None, self.n_clusters, checkpoint=self.checkpoint)
             self.n_features_in_ = blocks.n_dims
             order = self._keep(result, np.float32 if blocks.rows.dtype == np.float32 else np.float64)
             self.labels_ = self.predict(blocks)
             self.inertia_, self.masses_ = result.energy, result.masses[order]
             return self
+        check_needs("checkpoint", self.checkpoint is not None, "samples in blocks", False)
         rows = self._rows(X, reset=True)
         weights = _weights(sample_weight, len(rows))
         check_count("n_clusters", self.n_clusters, len(rows), f"for n_samples={len(rows)}")
@@ -153,6 +160,37 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         self.cluster_centers_ = result.generators[order].astype(dtype)
         self.energies_, self.n_iter_ = np.array(result.energies), result.n_iter
         return order
+
+    def partial_fit(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> CVT:  # noqa: N803
+        """Let the generators meet more samples, one by one, and move: MacQueen's online method.
+
+        A generator is always the mean of the samples that it has met. The first samples, at least as many distinct ones
+        as there are clusters, are fitted as a whole; generators from `fit` go on as they are. `labels_` and `inertia_`
+        are those of these samples, by the generators after they have met them.
+
+        References
+        ----------
+        J. MacQueen, Proc. 5th Berkeley Symposium on Mathematical Statistics and Probability 1 (1967) 281-297.
+
+        Examples
+        --------
+        >>> from cvtimg import CVT
+        >>> cvt = CVT(n_clusters=2).partial_fit([[0.0], [9.0]])
+        >>> cvt.partial_fit([[2.0], [9.0], [4.0]]).cluster_centers_.tolist(), cvt.masses_.tolist()
+        ([[2.0], [9.0]], [3.0, 2.0])
+        """
+        if not hasattr(self, "cluster_centers_"):
+            return self.fit(X, y, sample_weight)
+        rows = self._rows(X)
+        weights = _weights(sample_weight, len(rows))
+        centers = self.cluster_centers_
+        points = pack(rows, weights, exact=True)
+        moving, masses = points.frame.inward(centers), self.masses_.copy()
+        meet(points, np.arange(len(rows)), weights, moving, masses)
+        self.cluster_centers_ = points.frame.outward(moving).astype(centers.dtype)
+        self.masses_ = masses
+        self.labels_, self.inertia_ = _measure(self.cluster_centers_, rows, weights)
+        return self
 
     def predict(self, X: Any) -> Any:  # noqa: N803
         """Label each sample with its nearest generator, (n_samples,) int32; a Dask array for samples in blocks."""

@@ -12,7 +12,7 @@ import pytest
 from reference import squared_distances
 
 from cvtimg import tessellate
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.blocks import BlockError, Blocks, as_blocks, open_blocks, passes
 from cvtimg.blocks.rows import is_blocked
 from cvtimg.engine import Tessellation, block_descent, search
@@ -184,7 +184,7 @@ def test_columns_of_parquet(tmp_path: Path) -> None:
         open_blocks(tmp_path / "a.parquet", columns=["z"])
     holed = pa.table({"x": pa.array([1.0, None, 2.0])})
     parquet.write_table(holed, tmp_path / "b.parquet")
-    with pytest.raises(ValueError, match=r"column 'x' of row group 0 must have no missing values"):
+    with pytest.raises(BlockError, match=r"block 0: .*column 'x' of row group 0 must have no missing values"):
         tessellate(open_blocks(tmp_path / "b.parquet"), 2)
 
 
@@ -237,6 +237,12 @@ def test_blocks_of_which_all_rows_are_dropped(tmp_path: Path, monkeypatch: pytes
 # What is wrong is said with the number of the block
 
 
+def _unreadable(start: int) -> Floats:
+    if start == 8:
+        raise OSError("disk on fire")
+    return ROWS[start : start + 4]
+
+
 def promised(read: Callable[[Any], Any], given: Sequence[Any]) -> Any:
     """Return an array of blocks (4, 3), which are read when they are needed."""
     return da.concatenate([da.from_delayed(dask.delayed(read)(one), (4, 3), float) for one in given])
@@ -255,6 +261,7 @@ def changed(values: Array, place: Any, value: float) -> Array:
         (lambda: blocks(weights=changed(WEIGHTS, 1000, -1)), "block 5: weights must be finite and >= 0"),
         (lambda: promised(np.ones, [(4, 3), (4, 3), (4, 2)]), r"block 2: samples of shape \(4, 2\) must be \(4, 3\)"),
         (lambda: promised(np.ones, [(4, 3), (5, 3)]), r"block 1: samples of shape \(5, 3\) must be \(4, 3\)"),
+        (lambda: promised(_unreadable, range(0, 16, 4)), r"block 2: cannot be read \(OSError: disk on fire\)"),
     ],
 )
 def test_a_block_that_is_wrong_is_named(samples: Callable[[], Any], message: str) -> None:
@@ -262,6 +269,20 @@ def test_a_block_that_is_wrong_is_named(samples: Callable[[], Any], message: str
         tessellate(samples(), 1)
     assert str(raised.value).startswith(f"block {raised.value.number}: ")
     assert str(pickle.loads(pickle.dumps(raised.value))) == str(raised.value)
+
+
+def test_a_block_that_ends_its_workers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+    tasks: list[str] = []
+
+    def lose(total: Any, **options: Any) -> None:
+        keys = [str(key) for key in total.__dask_graph__()]
+        tasks.append(next(key for key in keys if key.startswith("cvtimg-block") and key.endswith("-4")))
+        raise distributed.KilledWorker(tasks[0], None, 3)
+
+    monkeypatch.setattr(passes, "_compute", lose)
+    with pytest.raises(BlockError, match=r"block 4: 4 workers were lost while they worked on it"):
+        tessellate(blocks(), 3)
 
 
 @pytest.mark.parametrize(

@@ -98,9 +98,7 @@ def test_rows_without_a_value_are_dropped_or_named(here: Path, cluster: RowOf, r
         assert (row["rows"], row["left_out"]) == (len(ROWS) - 101, 101)
         dropped = np.flatnonzero(np.array(labels_in(Path(f"{name}.csv"))) < 0)
         assert dropped.tolist() == [5, *range(300, 400)]
-    assert run("cluster", FILES[0], "-k", "3", "-o", "none.csv").err.startswith(
-        f"cvtimg: {FILES[0]}: column 'x' of row"
-    )
+    assert run("cluster", FILES[0], "-k", "3", "-o", "none.csv").err.startswith(f"cvtimg: {FILES[0]}: block 0: ")
     assert not Path("none.csv").exists()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -178,3 +179,29 @@ def test_blocks_are_labelled_measured_and_scored_one_by_one() -> None:
     assert score == pytest.approx(cvt.score(SAMPLES, sample_weight=WEIGHTS), rel=1e-9)
     with pytest.raises(ValueError, match=r"X of shape \(300, 3\) must be \(N, 4\), as the samples of fit"):
         cvt.predict(in_blocks(SAMPLES[:, :3]))
+
+
+def test_a_long_fit_keeps_its_state(tmp_path: Path) -> None:
+    cvt = CVT(6, checkpoint=tmp_path / "state.npz").fit(in_blocks(SAMPLES))
+    assert (tmp_path / "state.npz").exists()
+    again = clone(cvt).fit(in_blocks(SAMPLES))
+    np.testing.assert_array_equal(again.cluster_centers_, cvt.cluster_centers_)
+    with pytest.raises(ValueError, match="checkpoint needs samples in blocks"):
+        cvt.fit(SAMPLES)
+
+
+# Online: MacQueen's method
+
+
+def test_each_generator_is_the_mean_of_what_it_has_met() -> None:
+    rng = np.random.default_rng(2)
+    cvt = CVT(3).partial_fit(SAMPLES[:20])
+    centers, masses = cvt.cluster_centers_.copy(), cvt.masses_.copy()
+    weights = rng.integers(0, 3, 280)
+    cvt.partial_fit(SAMPLES[20:], sample_weight=weights)
+    for row, weight in zip(SAMPLES[20:], weights, strict=True):
+        near = squared_distances(row[None], centers)[0].argmin()
+        centers[near] = (masses[near] * centers[near] + weight * row) / max(masses[near] + weight, 1)
+        masses[near] += weight
+    np.testing.assert_allclose(cvt.cluster_centers_, centers, rtol=1e-6)
+    np.testing.assert_allclose(cvt.masses_, masses)
