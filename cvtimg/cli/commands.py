@@ -26,9 +26,9 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
-from cvtimg.cli.overview import COMMANDS, help_of, overview, whole_help_of
+from cvtimg.cli.overview import COMMANDS, help_of, help_on, overview, whole_help_of
 from cvtimg.cli.running import Todo
-from cvtimg.options import options_of
+from cvtimg.options import PANELS, options_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 
 #: What others call commands.
@@ -146,8 +146,10 @@ def command_of(given: list[str]) -> Callable[..., Any]:
     if "_CVTIMG_COMPLETE" in os.environ:
         get_completion_inspect_parameters()  # registers the shells
     if given[:1] == ["help"] and given[1:]:
-        if given[1] in COMMANDS:
-            return lambda **_: print(whole_help_of(given[1]), flush=True)
+        title = given[1].capitalize()
+        if title in PANELS or given[1] in COMMANDS:
+            text = help_on(title) if title in PANELS else whole_help_of(given[1])
+            return lambda **_: print(text, flush=True)
         given = given[1:]
     # A command that is named needs no group, whose own options Typer would convert.
     if given and given[0] in COMMANDS and "_CVTIMG_COMPLETE" not in os.environ:

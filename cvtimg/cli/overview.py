@@ -1,7 +1,7 @@
 """The texts of help and ``cvtimg --version``.
 
 ``cvtimg COMMAND --help`` has the most usual calls and options on two screens, and names the others;
-``cvtimg help COMMAND`` has all.
+``cvtimg help COMMAND`` has all, and ``cvtimg help reading`` the options of one panel of all commands.
 """
 
 from __future__ import annotations
@@ -39,14 +39,17 @@ _OPTIONS = {
     "--show-completion SHELL": "Show the completion script for bash, zsh or fish.",
     "-h, --help": "Show this message and exit. cvtimg COMMAND --help: the usual options of a command.",
 }
-_HELP = {"cvtimg help COMMAND": "All options of a command, and more examples."}
+_HELP = {
+    "cvtimg help COMMAND": "All options of a command, and more examples.",
+    "cvtimg help reading": "How images and tables are read: pages, channels, planes, masks.",
+}
 _ABOUT = (
     "Palettes, segments, restored images, drawings in dots, meshes, grids of the globe, designs of experiments and "
     "clusters, by centroidal Voronoi tessellations."
 )
 _STATUS = "Exit status: 0 all inputs done; 1 some input failed, the others are done; 2 wrong usage; 130 interrupted."
-#: Options of the panel Output that the short help has.
-_OUTPUTS = ("output", "out_dir")
+#: The panel that all commands share, and options of the panel Output that the short help has.
+_SHARED, _OUTPUTS = "Reading", ("output", "out_dir")
 
 
 def overview() -> str:
@@ -109,12 +112,14 @@ def help_of(verb: str) -> str:
     for title, options in command.panels.items():
         usual = [option for option in options if title == "What to get" or option.name in _OUTPUTS]
         few |= {title: usual} if usual else {}
-        if len(options) > len(usual):
+        if title != _SHARED and len(options) > len(usual):
             rest[f"{title}:"] = ", ".join(
                 option.words[0].partition("/")[0] for option in options if option not in usual
             )
     for title, options in (("Arguments", command.inputs), *few.items()):
         lines += _section(title, recorded(options), width)
+    if _SHARED in command.panels:
+        rest[f"{_SHARED}:"] = "see cvtimg help reading"
     return "\n".join([*lines, *_section(f"More options, explained by cvtimg help {verb}", rest, width)])
 
 
@@ -127,6 +132,19 @@ def whole_help_of(verb: str) -> str:
     lines += ["", "Examples:", *command.examples]
     for title, options in (("Arguments", command.inputs), *command.panels.items()):
         lines += _section(title, recorded(options), width)
+    return "\n".join(lines)
+
+
+def help_on(title: str) -> str:
+    """Return the text of ``cvtimg help reading`` and its like: the options of a panel in all commands."""
+    commands: dict[tuple[str, str], list[str]] = {}
+    for verb in COMMANDS:
+        for record in recorded(described(verb).panels.get(title, [])).items():
+            commands.setdefault(record, []).append(verb)
+    width, lines = _width(), [f"{title}: options of several commands"]
+    for verbs in dict.fromkeys(map(tuple, commands.values())):
+        records = dict(record for record, others in commands.items() if tuple(others) == verbs)
+        lines += _section(", ".join(verbs), records, width)
     return "\n".join(lines)
 
 
