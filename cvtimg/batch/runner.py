@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import threading
@@ -42,6 +43,7 @@ class Running(NamedTuple):
     skip_if_larger: bool = False  # Keep the main output only if it is smaller than the input
     # Suffixes of main outputs whose input stays, in place, or is copied, where it is of the same format and smaller.
     keep_smaller: tuple[str, ...] = ()
+    preserve: bool = False  # Give outputs the times of their inputs
     dry_run: bool = False  # Print the outputs of each input, and do nothing
     # Modules that tasks import, which workers have from the start.
     late: tuple[str, ...] = ("cvtimg.pictures.files",)
@@ -236,10 +238,14 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
                     shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
                 check_can_be_written(path, overwrite=running.overwrite or running.in_place)
             stopwatch, before = Stopwatch(), _n_bytes("input_bytes", here.sources)
+            times = os.stat(here.source) if running.preserve else None  # noqa: PTH116
             notes: list[str] = []
             aside = here.outputs and (running.skip_if_larger or running.in_place or _may_stay(here, running))
             with running.around(notes):
                 done = _worked_aside(here, work, stopwatch, running) if aside else work(here, stopwatch)
+            if times and not done.get("skipped"):
+                for path in here.outputs.values():
+                    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
             row = {**here.facts, **done, **before}
             if notes:
                 row["warning"] = "; ".join([*([row["warning"]] if "warning" in row else []), *notes])

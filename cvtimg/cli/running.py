@@ -96,7 +96,7 @@ def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:
 
 def running_of(given: Given) -> Running:
     """Return how a batch is run, by the options that the command has."""
-    names = ("overwrite", "dask", "skip_existing", "in_place", "skip_if_larger", "dry_run")
+    names = ("overwrite", "dask", "skip_existing", "in_place", "skip_if_larger", "preserve", "dry_run")
     jobs = given.jobs if hasattr(given, "jobs") else 1
     options = {name: getattr(given, name) for name in names if hasattr(given, name)}
     return Running(jobs, report_file=given.report, **options)

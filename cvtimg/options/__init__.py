@@ -41,7 +41,7 @@ PANELS = {
     "keep_bays region layers",
     "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette "
     "palette_per_frame alpha_threshold matte",
-    "Output": "output out_dir ext in_place yes skip_if_larger write labels mean edges overlay contours table "
+    "Output": "output out_dir ext in_place yes preserve skip_if_larger write labels mean edges overlay contours table "
     "masks tree strengths generators save_palette csv sheet plot histograms view over edge_mode line_color "
     "line_width subpixel simplify properties width height landscape margin bleed marks fill pen_width order cells "
     "outline scale measures keep_metadata optimize overwrite as_json quiet report dry_run",

@@ -204,6 +204,7 @@ QUANTIZE = (
     switch(
         "yes", "Do not ask before --in-place replaces the images of a folder.", flags="--yes -y", needs=("in_place",)
     ),
+    switch("preserve", "Give outputs the times of their inputs."),
     switch("skip_if_larger", "Write no output that is not smaller than its input."),
     common.PALETTE_OUTPUT._replace(excludes=("palette_per_frame",)),
     switch(

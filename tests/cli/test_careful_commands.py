@@ -143,18 +143,21 @@ def test_a_palette_that_is_read_is_not_replaced(verb: str, run: Run) -> None:
     assert Path("house.hex").read_text() == "ff0000\n"
 
 
-def test_a_file_that_is_replaced_keeps_its_mode_and_owner_and_other_names_their_content(run: Run) -> None:
+def test_a_file_that_is_replaced_keeps_its_mode_owner_and_times_and_other_names_their_content(run: Run) -> None:
     path, other = Path("in/a.png"), Path("other.png")
     before = path.read_bytes()
     path.chmod(0o640)
+    os.utime(path, (10**9, 10**9))
     other.hardlink_to(path)
     if os.geteuid() == 0:
         os.chown(path, 1234, 2345)
     owner = path.stat().st_uid, path.stat().st_gid
-    assert run("quantize", path, "-k", "4", "--in-place").status == 0
+    assert run("quantize", path, "-k", "4", "--in-place", "--preserve").status == 0
     status = path.stat()
-    assert (status.st_mode & 0o777, (status.st_uid, status.st_gid)) == (0o640, owner)
+    assert (status.st_mode & 0o777, (status.st_uid, status.st_gid), status.st_mtime) == (0o640, owner, 10**9)
     assert other.read_bytes() == before != path.read_bytes()
+    assert run("quantize", path, "-k", "3", "--in-place").status == 0
+    assert path.stat().st_mtime > 10**9
 
 
 @pytest.mark.parametrize(
