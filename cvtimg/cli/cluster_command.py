@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from contextlib import nullcontext
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
+
+if TYPE_CHECKING:
+    from cvtimg.engine import Tessellation
 
 EXAMPLES = """\
   cvtimg cluster trees.csv -k 5
@@ -20,6 +23,8 @@ EXAMPLES = """\
   cvtimg cluster rides.parquet -k 40 --columns lon,lat --dask local
   cvtimg cluster s3://bucket/pixels.zarr -k 64 -o labels.npy
 """
+#: Rows of a silhouette, which takes the distances of all pairs.
+_SILHOUETTE_ROWS = 5000
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
 
@@ -48,6 +53,7 @@ def cluster(given: Given) -> Todo:
     usual = "-labels.csv" if given.labels_only else "-clusters.csv"
     plan = plan_of(given, lambda source: "{}" + ends.get(source.suffix.lower(), usual), expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", "verdict", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
+    columns = (*columns[:-2], "silhouette", *columns[-2:]) if given.silhouette else columns
     # A .npy file may fit into memory, where it is read like a .csv.
     return planned(
         plan, _cluster, columns, given, by_url=tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy")
@@ -108,7 +114,7 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
             weights = table.weights
         else:
             samples = files.standardized(opened, scaling) if scaling else opened
-            is_sampled = given.number == "auto" or "--plot" in task.outputs
+            is_sampled = given.number == "auto" or given.silhouette or "--plot" in task.outputs
             rows, weights = files.sample_rows(samples, given.seed) if is_sampled else (None, None)
         how, curve = given.arguments, None
         if given.number == "auto":
@@ -140,7 +146,22 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "explained": max(1 - result.energy / total, 0.0) if total else 1.0,
         "n_iter": result.n_iter,
         "converged": result.converged,
+        **({"silhouette": _silhouette(rows, result, given, table and result.labels)} if given.silhouette else {}),
         **told_left_out(left_out),
     }
     stopwatch.lap("write")
     return row
+
+
+def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any) -> float | None:
+    """Return scikit-learn's mean silhouette of some rows, None if they are of one cluster."""
+    import numpy as np
+    from scipy.spatial.distance import cdist
+
+    from cvtimg._shared.extras import optional
+
+    metrics = optional("sklearn.metrics", "sklearn", "--silhouette needs")
+    drawn = np.random.default_rng(given.seed).permutation(len(rows))[:_SILHOUETTE_ROWS]
+    some = rows[drawn]
+    labeled = cdist(some, result.generators).argmin(axis=1) if labels is None else labels[drawn]
+    return float(metrics.silhouette_score(some, labeled)) if 1 < len(np.unique(labeled)) < len(some) else None

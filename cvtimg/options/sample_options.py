@@ -61,6 +61,9 @@ CLUSTER = (
     ),
     common.out_dir("Folder for outputs NAME-clusters.csv."),
     switch("labels_only", "Write only the label of each row, not the columns of the table."),
+    switch(
+        "silhouette", "Also tell how far clusters are apart: the mean silhouette of up to 5,000 rows, from -1 to 1."
+    ),
     file("generators", "Write the mean and the weight of each cluster, .csv; for one table.", (".csv",)),
     file("plot", "Plot the clusters on their first two principal axes, .png or .svg.", common.PLOTS),
     *_TABLE,

@@ -163,3 +163,13 @@ def test_all_workers_of_a_cluster_share_the_blocks(here: Path, cluster: RowOf) -
     alone = cluster("a.parquet", "-o", "alone.npy")
     assert shared["energy"] == alone["energy"]
     np.testing.assert_array_equal(np.load("shared.npy"), np.load("alone.npy"))
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet"])
+def test_the_silhouette_is_that_of_scikit_learn(name: str, here: Path, cluster: RowOf) -> None:
+    from sklearn.metrics import silhouette_score
+
+    from cvtimg import tessellate
+
+    row = cluster(name, "--columns", "x,y", "--silhouette", "--out-dir", "out")
+    assert row["silhouette"] == pytest.approx(silhouette_score(ROWS, tessellate(ROWS, 3).labels), rel=0.02)
