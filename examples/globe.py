@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import cvtimg
 from cvtimg.plotting.globes import draw_globe
-from cvtimg.sphere import Cap, CoastalGrid, Refinement, SphereGrid, coastal_grid, nested_grid
+from cvtimg.sphere import Cap, CoastalGrid, Refinement, SphereGrid, by_spacing, coastal_grid, nested_grid
 
 #: The densities of M. Gunzburger's lecture on centroidal Voronoi tessellations.
 LECTURE = {
@@ -60,7 +60,7 @@ def grids(n: int, land: NDArray[Any]) -> dict[str, SphereGrid]:
     within = Cap(UNITED_STATES.lon, UNITED_STATES.lat, RADIUS)
     found["nested"] = nested_grid(cvtimg.sphere_grid(n), n_new, within=within, density=UNITED_STATES)
     found["coast"] = coastal_grid(n, land)
-    found["lights"] = cvtimg.sphere_grid(n, density=10.0 ** (4 * lights() / lights().max()))
+    found["lights"] = cvtimg.sphere_grid(n, density=by_spacing(lights(), 10))
     return found
 
 

@@ -61,12 +61,18 @@ def read_coast(path: Path, n: int) -> Array:
     return land
 
 
-def read_densities(density: Path | None, finer: list[tuple[float, ...]]) -> Any:
-    """Return what `cvtimg.sphere_grid` takes as a density: a map, circles of finer cells, or None."""
-    from cvtimg.sphere import GlobePicture, Refinement
+def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:
+    """Return what `cvtimg.sphere_grid` takes as a density: a map, circles and maps of finer cells, or None."""
+    from cvtimg.sphere import GlobePicture, Refinement, by_spacing
 
     parts: list[Any] = [] if density is None else [GlobePicture.of("density", read_globe("--density", density))]
-    return [*parts, *(Refinement(*circle) for circle in finer)] or None
+    for where, *numbers in finer:
+        if isinstance(where, Path):
+            parts.append(GlobePicture.of("density", by_spacing(read_globe("--refine", where), *numbers)))
+        else:
+            lon, (lat, radius, ratio) = where, numbers
+            parts.append(Refinement(lon, lat, radius, ratio))
+    return parts or None
 
 
 def cut_out(grid: SphereGrid, given: Given) -> PartialGrid | None:

@@ -19,6 +19,7 @@ EXAMPLES = """\
   cvtimg sphere -n 20000 --refine 10,50,20,4 -o europe.nc --plot europe.png --view 10 50
   cvtimg sphere --cell-width 480km --refine -40,45,2000km,240km -o atlantic.nc
   cvtimg sphere -n 10000 --density lights.png -o lights.geojson --plot lights-map.png
+  cvtimg sphere -n 10000 --refine lights.png,6 -o cities.vtu
   cvtimg sphere -n 40962 --coast land.png -o coast.nc
   cvtimg sphere --cell-width 480km --land earth --strait -10,36,3,38 -o ocean.nc --plot ocean.png
   cvtimg sphere --cell-width 480km --region 10,50,20 -o europe.nc
@@ -27,8 +28,6 @@ EXAMPLES = """\
 COLUMNS = ("n", "kept", "median_width_km", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
 #: Half of the way around the earth, in km: wider cells are meant in meters.
 _WIDEST = 20_000
-#: What --refine says.
-_CIRCLE = ("LON", "LAT", "RADIUS", "RATIO")
 _WIDTHS = ("least_width_km", "median_width_km", "largest_width_km")
 
 
@@ -46,12 +45,22 @@ def sphere(given: Given) -> Todo:
     if given.number is None and (given.cell_width is None or given.parent is not None):
         raise WrongUsageError("give -n, the number of points" + (" or --cell-width" if given.parent is None else ""))
     in_km = given.cell_width is not None
-    given.finer = [_circle_in_km(text) if in_km else _numbers("--refine", text, _CIRCLE) for text in given.refine or []]
+    given.finer = [_circle_in_km(text) if in_km else _refinement(text) for text in given.refine or []]
     given.width = None if given.cell_width is None else _width(given.cell_width)
     given.circle = None if given.within is None else _numbers("--within", given.within, ("LON", "LAT", "RADIUS"))
     given.area = None if given.region is None else _area(given.region)
-    files = [part for part in (given.area, given.width) if isinstance(part, Path)]
+    files = [part for part in (given.area, given.width, *(finer[0] for finer in given.finer)) if isinstance(part, Path)]
     return planned(plan_of(given, together=True, also_read=files), _sphere, COLUMNS, given)
+
+
+def _refinement(text: str) -> tuple[Any, ...]:
+    """Read LON,LAT,RADIUS,RATIO as numbers, or IMAGE,RATIO as a path and a number."""
+    if text.count(",") == 1:
+        image, ratio = text.split(",")
+        if image.replace(".", "", 1).lstrip("-").isdigit() and not Path(image).exists():
+            raise WrongUsageError(f"--refine {text} must be LON,LAT,RADIUS,RATIO, all numbers, or IMAGE,RATIO")
+        return Path(image), *_numbers("--refine", ratio, ("RATIO",))
+    return _numbers("--refine", text, ("LON", "LAT", "RADIUS", "RATIO"))
 
 
 def _width(text: str) -> float | Path:

@@ -160,8 +160,8 @@ SPHERE = (
     Option(
         "refine",
         Text(),
-        "Make cells RATIO times finer in a circle (all in degrees). With --cell-width: LON,LAT,RADIUS,WIDTH and "
-        "perhaps TRANSITION, lengths in km. Repeat it for more.",
+        "Make cells RATIO times finer in a circle (all in degrees); or IMAGE,RATIO: where a map is bright. With "
+        "--cell-width: LON,LAT,RADIUS,WIDTH and perhaps TRANSITION, lengths in km. Repeat it for more.",
         metavar="LON,LAT,RADIUS,RATIO",
         many=True,
     ),

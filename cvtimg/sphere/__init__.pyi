@@ -5,6 +5,7 @@ from .culling import cull_land as cull_land
 from .culling import limit_area as limit_area
 from .densities import GlobePicture as GlobePicture
 from .densities import Refinement as Refinement
+from .densities import by_spacing as by_spacing
 from .formats import GRID_FORMATS as GRID_FORMATS
 from .formats.polygons import cell_polygons as cell_polygons
 from .grids import EFFORTS as EFFORTS

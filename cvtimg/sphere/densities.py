@@ -175,6 +175,28 @@ def as_sphere_density(density: SphereDensityLike) -> SphereDensity | None:
     return GlobePicture.of("density", density)  # type: ignore[arg-type]
 
 
+def by_spacing(brightness: ArrayLike, ratio: float) -> Floats32:
+    """Return the density of cells that are `ratio` times smaller where an image is brightest than where it is black.
+
+    Parameters
+    ----------
+    brightness : (H, 2 H) array
+        An image of the globe: finite, >= 0 and not all 0.
+    ratio : float
+        In 1..100. Sizes of cells are geometric between the ends.
+
+    Examples
+    --------
+    >>> from cvtimg.sphere import by_spacing
+    >>> by_spacing([[0, 255]], 2).tolist()
+    [[0.0625, 1.0]]
+    """
+    values = check_globe("brightness", check_picture_density("brightness", brightness))
+    check_in_range("ratio", ratio, 1 <= ratio <= 100, "in 1..100")
+    finest = values / values.max()
+    return np.power(float(ratio), -4 * (1 - finest.astype(np.float64))).astype(np.float32)
+
+
 class Scaled:
     """A density with a floor, at places where a grid needs it."""
 

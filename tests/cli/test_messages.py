@@ -88,7 +88,7 @@ design -n 3 --axis heat,9,1 | heat
 design -n 3 --axis alloy,A|A | alloy
 sphere -n 100 | Missing option '--output' / '-o'
 sphere -n 100 -o a.txt | must end in
-sphere -n 100 -o a.nc --refine 10,50 | must be LON,LAT,RADIUS,RATIO, all numbers
+sphere -n 100 -o a.nc --refine 10,50 | must be LON,LAT,RADIUS,RATIO, all numbers, or IMAGE,RATIO
 sphere -o a.nc --cell-width 30km --refine 1,2,3 | must be LON,LAT,RADIUS,WIDTH
 sphere -n 99 -o a.nc --plot a.png --view 10 100 | '100' must be a number in -90..90; two are needed
 sphere -n 99 -o a.nc --region 1,2 | --region 1,2 must be WEST,SOUTH,EAST,NORTH
@@ -181,6 +181,7 @@ sphere -n 99 -o a.nc --region no.geojson | --region no.geojson: no such file
 sphere -n 99 -o a.nc --land land.png --strait 1,2,3 | --strait 1,2,3 must be LON,LAT
 sphere -n 100 -o a.nc --density a.png | must be twice as wide as high
 sphere -n 100 -o a.nc --density black.png | --density black.png must not be 0 everywhere
+sphere -n 100 -o a.nc --refine black.png,3 | --refine black.png must not be 0 everywhere
 sphere -n 100 -o a.nc --density nan.tif | --density nan.tif must be finite
 sphere -n 100 -o a.nc --coast black.png | --coast black.png must not be 0 everywhere
 sphere -n 9 -o a.nc --parent off.csv --within 0,0,60 | on a sphere: point 1 is 3 from the

@@ -48,7 +48,7 @@ def test_coasts_are_those_of_polygons(row_of: RowOf) -> None:
 
 @pytest.mark.slow
 def test_points_gather_in_circles_and_where_maps_are_bright(row_of: RowOf) -> None:
-    for options in (["--density", "north.png"], ["--refine", "0,90,80,3"]):
+    for options in (["--density", "north.png"], ["--refine", "north.png,3"], ["--refine", "0,90,80,3"]):
         row_of("sphere", "-n", "500", *options, "-o", "grid.csv", "--overwrite")
         points = read_grid_points(Path("grid.csv"))
         assert (points[:, 2] > 0).mean() > 0.65
