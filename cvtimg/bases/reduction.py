@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, check_that, check_weights
 from cvtimg._shared.choices import Row
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
@@ -243,6 +244,8 @@ def reduced_basis(
     *,
     kind: str = "pod",
     n_cells: int = 8,
+    centered: bool = True,
+    weights: ArrayLike | None = None,
     rng: int | np.random.Generator = 0,
 ) -> Basis:
     """Find few modes that nearly contain many snapshots.
@@ -260,6 +263,10 @@ def reduced_basis(
         whose generators are affine subspaces of n dimensions, each cell with modes of its own.
     n_cells : int
         Cells of "cvod", at most N; other kinds take no account of it.
+    centered : bool
+        Whether "pod" describes the differences from the mean; without, its modes pass through 0, and its mean is 0.
+    weights : (N,) array, optional
+        Weight of each snapshot in "pod", >= 0: energies and the mean are weighted.
     rng : int or numpy.random.Generator
         Seed of what is drawn.
 
@@ -306,7 +313,10 @@ def reduced_basis(
     cells = min(n_cells, given.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)
-    sketched = sketch(given, rank, generator)
+    for name, is_given in (("centered=False", not centered), ("weights", weights is not None)):
+        check_that(name, not is_given or kind == "pod", "be given with kind='pod'")
+    heavy = None if weights is None else check_weights("weights", weights, (given.n_snapshots,), "snapshot")
+    sketched = sketch(given, rank, generator, centered=centered, weights=heavy)
     rows, directions = sketched.coordinates, sketched.directions
     if share:
         asked = _fewest(sketched, share, asked)

@@ -37,10 +37,13 @@ class Sketch:
 
 
 @one_blas_thread
-def sketch(snapshots: Snapshots, rank: int, rng: np.random.Generator) -> Sketch:
+def sketch(
+    snapshots: Snapshots, rank: int, rng: np.random.Generator, *, centered: bool = True, weights: Floats | None = None
+) -> Sketch:
     """Sketch snapshots in at most `rank` coordinates.
 
     Of arrays that are small all directions are found, and the coordinates are those of a singular value decomposition.
+    Coordinates are multiplied by the roots of the weights; the mean is 0 if they are not to be `centered`.
     """
     whole = min(snapshots.n_snapshots, snapshots.n_dims)
     rank = min(rank, whole)
@@ -48,29 +51,34 @@ def sketch(snapshots: Snapshots, rank: int, rng: np.random.Generator) -> Sketch:
     width, dtype = (whole, np.dtype(np.float64)) if is_exact else (rank, snapshots.dtype)
     directions = rng.standard_normal((snapshots.n_dims, width), np.float32).astype(dtype)
     # Products are taken about a snapshot at first, lest float32 lose what differs beside what all have in common.
-    center = np.asarray(snapshots.read(0, 1), dtype).reshape(-1)
+    center = np.asarray(snapshots.read(0, 1), dtype).reshape(-1) * dtype.type(centered)
+    heavy = np.ones(snapshots.n_snapshots) if weights is None else weights
     for _ in range(1 if is_exact else 2):
-        values, mean, variance = _products(snapshots, directions, center)
+        values, mean, variance = _products(snapshots, directions, center, heavy, centered)
         center = mean.astype(dtype)
         basis = np.linalg.qr(values)[0]
-        rows = _combined(snapshots, basis.astype(dtype), center)
+        rows = _combined(snapshots, (basis * np.sqrt(heavy)[:, None]).astype(dtype), center)
         directions = np.linalg.qr(rows.T)[0].astype(dtype)
     left, lengths, right = np.linalg.svd(rows, full_matrices=False)
     coordinates = ((basis @ left) * lengths)[:, :rank]
     return Sketch(coordinates, right[:rank].astype(snapshots.dtype), mean, variance)
 
 
-def _products(snapshots: Snapshots, directions: Array, center: Array) -> tuple[Floats, Floats, float]:
-    """Return the (N, R) products of snapshots less their mean with directions, the (D,) mean, and the variance."""
+def _products(
+    snapshots: Snapshots, directions: Array, center: Array, weights: Floats, centered: bool
+) -> tuple[Floats, Floats, float]:
+    """Return the (N, R) products of weighted snapshots less their mean with directions, the (D,) mean, the variance."""
     values, sums, squares = [], np.zeros(snapshots.n_dims), 0.0
-    for _, block in snapshots.blocks():
+    for rows, block in snapshots.blocks():
         apart = block - center
         values.append(apart @ directions)
-        sums += apart.sum(axis=0, dtype=np.float64)
-        squares += float(np.einsum("nd,nd->", apart, apart, dtype=np.float64))
-    joined, shift = np.concatenate(values).astype(np.float64), sums / snapshots.n_snapshots
-    variance = max(squares - snapshots.n_snapshots * float(shift @ shift), 0.0)
-    return joined - joined.mean(axis=0), center + shift, variance
+        sums += np.einsum("n,nd->d", weights[rows], apart, dtype=np.float64)
+        squares += float(np.einsum("n,nd,nd->", weights[rows], apart, apart, dtype=np.float64))
+    joined, mass = np.concatenate(values).astype(np.float64), float(weights.sum())
+    shift = sums / mass if centered else np.zeros_like(sums)
+    variance = max(squares - mass * float(shift @ shift), 0.0)
+    middle = weights @ joined / mass if centered else 0.0
+    return np.sqrt(weights)[:, None] * (joined - middle), center + shift, variance
 
 
 def _combined(snapshots: Snapshots, basis: Array, center: Array) -> Floats:

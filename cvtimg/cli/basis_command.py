@@ -37,7 +37,7 @@ def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         raise WrongUsageError("there are no frames")
     snapshots = as_snapshots(list(task.sources) if len(task.sources) > 1 else task.sources[0])
     stopwatch.lap("read")
-    result = reduced_basis(snapshots, **given.arguments)
+    result = reduced_basis(snapshots, **given.arguments, centered=not given.uncentered)
     stopwatch.lap("reduce")
     result.save(task.outputs["-o"], overwrite=given.overwrite)
     if "--sheet" in task.outputs:

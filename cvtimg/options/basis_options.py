@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cvtimg.options import common
-from cvtimg.options.common import file
-from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
+from cvtimg.options.common import file, switch
+from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
 
 
 def _modes(text: str) -> int | float | str:
@@ -41,6 +41,15 @@ BASIS = (
         default="pod",
     ),
     passed("n_cells", Whole(1, 1 << 16), "Number of cells of --kind cvod.", "--cells", metavar="C", default=8),
+    switch("uncentered", "Describe the snapshots themselves, not their differences from the mean, with --kind pod."),
+    file(
+        "weights",
+        "Weight of each snapshot, with --kind pod: a number in each row.",
+        (".csv", ".npy"),
+        role="reads",
+        keyword="weights",
+        to=late("tables.files", "read_weights"),
+    ),
     file("sheet", "Draw the mean and the modes as images, .png or .svg.", common.PLOTS),
     file("plot", "Plot what the modes leave unexplained, .png or .svg.", common.PLOTS),
     common.SEED,

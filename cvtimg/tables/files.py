@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cvtimg._shared.checks import check_choice, check_that
+from cvtimg._shared.checks import check_choice, check_shape, check_that
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.types import Array, Bools, Floats, Ints
@@ -244,6 +244,13 @@ def write_generators(
     """Write (K, D) generators as a CSV, in the order of the labels, with two more columns, ``mass`` and ``share``."""
     rows = np.column_stack([generators, masses, masses / masses.sum()]).tolist()
     write_csv(path, _with_more(names, "mass", "share"), rows, overwrite=overwrite)
+
+
+def read_weights(path: StrPath) -> Floats:
+    """Read the (N,) numbers of a table with one column."""
+    rows = read_table(path).rows
+    check_shape("weights", rows.shape, rows.shape[1] == 1, "(N, 1), a number in each row")
+    return rows[:, 0]
 
 
 def is_table(path: Path) -> bool:

@@ -161,6 +161,20 @@ def test_a_share_of_the_variance_takes_as_few_modes_as_explain_it() -> None:
         reduced_basis(rows, 0.9, kind="cvt")
 
 
+def test_weights_are_repetitions_and_uncentered_modes_are_those_about_0() -> None:
+    rows, weights = np.random.default_rng(2).normal(size=(30, 50)) + 2, np.arange(30) % 3
+    weighted, repeated = reduced_basis(rows, 5, weights=weights), reduced_basis(np.repeat(rows, weights, axis=0), 5)
+    np.testing.assert_allclose(weighted.energies, repeated.energies, rtol=1e-9)
+    np.testing.assert_allclose(weighted.mean, repeated.mean, rtol=1e-9)
+    lengths = np.linalg.svd(rows, compute_uv=False) ** 2
+    basis = reduced_basis(rows, 5, centered=False)
+    np.testing.assert_allclose(basis.energies, lengths.sum() - np.r_[0, lengths[:5].cumsum()], rtol=1e-9)
+    assert not basis.mean.any()
+    for wrong in ({"weights": weights}, {"centered": False}):
+        with pytest.raises(ValueError, match="must be given with kind='pod'"):
+            reduced_basis(rows, 5, kind="cvt", **wrong)
+
+
 IMAGES = np.random.default_rng(1).integers(0, 256, (5, 6, 8, 3), np.uint8)
 
 
