@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +13,18 @@ from cvtimg._shared.checks import check_at_least, check_choice, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.types import Bools, Floats, Points
-from cvtimg.sphere.densities import GROWTH, Scaled, SphereDensity, SphereDensityLike, as_sphere_density
+from cvtimg.sphere.densities import (
+    GROWTH,
+    GlobePicture,
+    Scaled,
+    SphereDensity,
+    SphereDensityLike,
+    as_sphere_density,
+    pixel_places,
+)
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
-from cvtimg.sphere.parts import Cap
+from cvtimg.sphere.parts import Cap, PartLike, inside_of
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.triangulation import SphereTriangulation, WeightedCells, check_sphere_points, unit
 
@@ -31,13 +40,15 @@ _APART = 0.6
 _FASTER, _FINEST = 1.5, 0.5
 #: Ends of the range in which the size of cells inside is looked for, by that of the parent.
 _SIZES = (1e-3, 1e3)
+#: Height of the picture of distances from the border of a part that is no cap.
+_HEIGHT = 512
 
 
 def nested_grid(
     parent: SphereGrid | ArrayLike,
     n: int,
     *,
-    within: Cap,
+    within: PartLike,
     density: SphereDensityLike = None,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
@@ -53,8 +64,8 @@ def nested_grid(
         A grid, or the points of one.
     n : int
         Number of new points.
-    within : Cap
-        The part to replace.
+    within : callable, GeoJSON, shapely geometry or (H, 2 H) array
+        The part to replace: a `Cap`, or what `limit_area` takes.
     density : callable, (H, 2 H) array, Refinement or sequence of these, optional
         As in `cvtimg.sphere_grid`, for the new points; so that they fit, cells near the border of the part should have
         the sizes of the parent. By default sizes change by 15 % from cell to cell, from those of the parent on,
@@ -81,8 +92,7 @@ def nested_grid(
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
     points = check_sphere_points("parent", parent.points if isinstance(parent, SphereGrid) else parent, least=4)
     mesh = SphereTriangulation(points, parent.triangles if isinstance(parent, SphereGrid) else None)
-    check_that("within", isinstance(within, Cap), "be a Cap")
-    inside = within(points)
+    inside = inside_of("within", within, points)
     check_that("within", inside.any(), "hold a point of the parent")
     check_that("within", not inside.all(), "leave a point of the parent outside")
     kept = Kept.of(mesh, ~inside)
@@ -104,7 +114,8 @@ def nested_grid(
 class _Transition:
     """Sizes of cells that lead from those of a parent to those of a part of it."""
 
-    part: Cap
+    # From (N, 3) points to how far they are inside of the part, in radians.
+    depth: Callable[[Points], Floats]
     size: float  # Of the cells of the parent at the border, in radians
     # (N, 3): of the parent, to sum by.
     points: Points
@@ -112,17 +123,18 @@ class _Transition:
     inside: Bools  # (N,)
 
     @classmethod
-    def of(cls, mesh: SphereTriangulation, inside: Bools, part: Cap) -> _Transition:
+    def of(cls, mesh: SphereTriangulation, inside: Bools, within: PartLike) -> _Transition:
         areas = mesh.areas()
         at_border = inside[mesh.triangles].any(axis=1) & ~inside[mesh.triangles].all(axis=1)
         size = float(np.sqrt(np.median(areas[np.unique(mesh.triangles[at_border])])))
-        return cls(part, size, mesh.points, areas, inside)
+        depth = within.depth if isinstance(within, Cap) else _depths(mesh.points, inside)
+        return cls(depth, size, mesh.points, areas, inside)
 
     def density(self, n: int) -> SphereDensity:
         """Return the density by which about n cells fill the part."""
         from scipy.optimize import brentq
 
-        areas, depths = self.areas[self.inside], self.part.depth(self.points[self.inside])
+        areas, depths = self.areas[self.inside], self.depth(self.points[self.inside])
         least, growth = max(_SIZES[0], _FINEST * float(np.sqrt(areas.sum() / n)) / self.size), GROWTH
 
         def surplus(size: float) -> float:
@@ -135,13 +147,13 @@ class _Transition:
             high = brentq(surplus, low, high) if surplus(low) > 0 else low
         factor = float(np.exp(high))  # so few points may be asked for that sizes grow as long as there is way
         finest = self.size * min(factor, 1)
-        return lambda points: (finest / self._sizes(self.part.depth(points), factor, growth)) ** 4
+        return lambda points: (finest / self._sizes(self.depth(points), factor, growth)) ** 4
 
     def start(self, wanted: SphereDensity, n: int, rng: np.random.Generator) -> Points:
         """Return the points of a grid by which about n are in the part, fewer and fewer outside."""
 
         def fading(points: Points) -> Floats:
-            return wanted(points) / self._sizes(-self.part.depth(points), np.inf) ** 4
+            return wanted(points) / self._sizes(-self.depth(points), np.inf) ** 4
 
         counts = self.areas * np.sqrt(fading(self.points))
         n_all = max(round(n * counts.sum() / counts[self.inside].sum()), 12)
@@ -152,6 +164,15 @@ class _Transition:
         way = growth * np.maximum(depths, 0) / self.size
         factors = np.minimum(factor, 1 + way) if factor > 1 else np.maximum(factor, 1 - way)
         return self.size * factors
+
+
+def _depths(points: Points, inside: Bools) -> Callable[[Points], Floats]:
+    """Return a function for how far places are from the other side: a picture, as it is asked often."""
+    from scipy.spatial import cKDTree
+
+    places = pixel_places(_HEIGHT)
+    to_outer, to_inner = (cKDTree(points[side]).query(places)[0] for side in (~inside, inside))
+    return GlobePicture.padded((to_outer - to_inner).reshape(_HEIGHT, -1).astype(np.float32) / 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
