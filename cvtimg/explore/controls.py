@@ -239,19 +239,25 @@ class Edits(Several):
 
 @dataclass(frozen=True, kw_only=True)
 class Brushed(Edits):
-    """A mask that is drawn on the picture by a brush, white but for what is left out, and that the command reads."""
+    """A gray image of the size of the picture that is drawn on it by a brush, and that the command reads."""
 
     kind = "edits"
-    pattern: ClassVar[str] = "{}-mask.png"  # Name of its file, with ``{}`` for the name of the picture without suffix
+    values: Mapping[str, int]  # What each mode paints
+    base: int  # Value where nothing is painted
+
+    @property
+    def pattern(self) -> str:
+        """Name of its file, with ``{}`` for the name of the picture without suffix."""
+        return f"{{}}-{self.name}.png"
 
     def words(self, value: object) -> list[str]:
         """Return nothing: the name of the file is known elsewhere."""
         return []
 
     def drawn(self, strokes: Sequence[str], size: tuple[int, int]) -> Bytes:
-        image = np.full(size, 255, np.uint8)
+        image = np.full(size, self.base, np.uint8)
         for stroke in map(Edit.parse, strokes):
-            brush(image, stroke.points, stroke.radius, 0 if stroke.kind == "erase" else 255)
+            brush(image, stroke.points, stroke.radius, self.values.get(stroke.kind, self.base))
         return image
 
 

@@ -74,7 +74,7 @@ STIPPLE = (
         "Least and greatest radius in pixels of the image, with --dots sized.",
         metavar="A B",
         needs=("dots=sized",),
-    ),
+    ).on_page("Least radius", slider=(0.1, 10), unit="px", default=0.5),
     passed(
         "layers",
         Choice(("cmyk",)),

@@ -344,7 +344,7 @@ def test_every_control_has_an_effect_on_the_command_or_shows_another() -> None:
 
 
 #: Controls whose value a tab says in its own words.
-SAID_BY_TABS = {"colors": "k strength", "stipple": "pen_width", "mesh": "k least"} | {
+SAID_BY_TABS = {"colors": "k strength", "stipple": "least greatest pen_width", "mesh": "k least"} | {
     "palette": "colors",
     "mosaic": "palette",
 }

@@ -509,7 +509,7 @@ def test_segments_are_merged_split_and_painted_by_hand(visit: Go) -> None:
     one.until(f"{count} === 6")
 
 
-def test_a_mask_drawn_by_brush_is_left_out(visit: Go) -> None:
+def test_masks_and_weights_are_drawn_by_brush(visit: Go) -> None:
     one = visit()
     page = one.page
     one.settled()
@@ -517,6 +517,9 @@ def test_a_mask_drawn_by_brush_is_left_out(visit: Go) -> None:
     page.click("text=Leave out")
     one.drag(one.place(0.3, 0.4), one.place(0.6, 0.4))
     assert "--mask photo-mask.png" in one.command()
+    page.click("#c-weights")
+    one.drag(one.place(0.3, 0.7), one.place(0.6, 0.7))
+    assert "--mask photo-mask.png --weight-map photo-weights.png" in one.command()
     page.uncheck("#c-brushes")
     assert "--mask" not in one.command()
 

@@ -75,13 +75,13 @@ export class Editor {
 			context.stroke();
 		};
 		Object.assign(this.layer, {width, height});
-		const layer = this.layer.getContext("2d"), isMask = this.control?.name === "mask";
+		const layer = this.layer.getContext("2d"), {values, base} = this.control ?? {};
 		const stroke = (kind, radius, points) => {
-			layer.globalCompositeOperation = isMask && kind === "add" ? "destination-out" : "source-over";
+			layer.globalCompositeOperation = values && values[kind] === base ? "destination-out" : "source-over";
 			layer.strokeStyle = COLORS[kind];
 			line(points, this.brushes ? 2 * radius * zoom : 4, layer);
 		};
-		if (isMask) { // it is seen; changes of segments are seen in the result
+		if (values) { // a map is seen; changes of segments are seen in the result
 			for (const [kind, radius, ...points] of this.strokes().map(text => text.split(" "))) stroke(kind, radius, points.map(point => point.split(",").map(Number)));
 		}
 		if (this.points.length) stroke(this.mode, this.radius, this.points);

@@ -133,8 +133,27 @@ class Tab:
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
         inputs = [] if self.sheet else request.source.words
-        masks = [MASK.flag, safe_name(MASK.pattern.format(request.stem))] if masking(request) else []
-        return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings), *masks]
+        brushes = self.brushed(request)
+        maps = [word for one in brushes for word in (one.flag, safe_name(one.pattern.format(request.stem)))]
+        return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings), *maps]
+
+    def brushed(self, request: Request) -> list[Brushed]:
+        """Return the controls by which something is drawn by brush."""
+        controls = active(self.controls, request.settings)
+        return [one for one in controls if isinstance(one, Brushed) and request.settings[one.name]]
+
+    def maps(self, request: Request) -> list[Line]:
+        """Return the lines that read the (H, W) images that are drawn by brush."""
+        reads = [(one, call("cvtimg.read_image", one.pattern.format(request.stem))) for one in self.brushed(request)]
+        settings, every = request.settings, request.every
+        return [Line(one.name, read, every(one.drawn(settings[one.name], request.picture.size))) for one, read in reads]
+
+    def map_files(self, request: Request) -> list[Output]:
+        """Return the files of these images, which the command reads."""
+        return [
+            Output(f"{one.label}, PNG", one.flag, one.pattern, WRITE_IMAGE, (Code(one.name),), read=True)
+            for one in self.brushed(request)
+        ]
 
     def keywords(self, settings: Settings) -> Json:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
@@ -165,9 +184,15 @@ class Tab:
 
 
 #: The controls by which parts of the picture are left out by a brush.
-BRUSH = Switch(name="brushes", label="Mask", about="Drawn by a brush. The command reads its file; save it, too.")
+BRUSH = Switch(name="brushes", label="Mask", about="Drawn by a brush. The command reads the file; save it, too.")
 MASK = Brushed(
-    name="mask", label="Mask", flag="--mask", modes={"erase": "Leave out", "add": "Take back"}, when={"brushes": [True]}
+    name="mask",
+    label="Mask",
+    flag="--mask",
+    modes={"erase": "Leave out", "add": "Take back"},
+    values={"erase": 0, "add": 255},
+    base=255,
+    when={"brushes": [True]},
 )
 
 
@@ -180,26 +205,12 @@ def reading(request: Request) -> Line:
     return Line("image", request.picture.python, request.every(request.picture.array))
 
 
-def masking(request: Request) -> list[Line]:
-    """Return the line that reads the (H, W) mask that is drawn by brush, if there is one."""
-    if not (request.settings.get("brushes") and request.settings["mask"]):
-        return []
-    read = call("cvtimg.read_image", MASK.pattern.format(request.stem))
-    return [Line("mask", read, request.every(MASK.drawn(request.settings["mask"], request.picture.size)))]
-
-
-def mask_files(request: Request) -> list[Output]:
-    """Return the file of this mask, which the command reads."""
-    mask = tuple(Code(line.name) for line in masking(request))
-    return [Output("Mask, PNG", MASK.flag, MASK.pattern, WRITE_IMAGE, mask, read=True)] if mask else []
-
-
-def visible(request: Request) -> tuple[list[Line], Json]:
+def visible(request: Request, mask: Sequence[Line] = ()) -> tuple[list[Line], Json]:
     """Return the lines that read a picture without its transparency, and the argument that leaves out what is hidden.
 
-    That is what is transparent, has no value, or is left out by a mask.
+    That is what is transparent, has no value, or is left out by the mask that a line reads.
     """
-    picture, mask = request.picture, masking(request)
+    picture = request.picture
     known = [*missing(picture), *([Code("image[..., 3] > 0")] if picture.has_alpha else [])]
     lines = [reading(request), *mask, *all_of([*known, *(Code("mask > 0") for _ in mask)])]
     has_known = lines[-1].name == "known"

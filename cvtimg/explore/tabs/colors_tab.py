@@ -17,11 +17,21 @@ from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
 from cvtimg.explore.calls import Code, Line, call
-from cvtimg.explore.controls import Choice, Colors, Control, Files, Settings, UnfitRequestError, controls_of, number
+from cvtimg.explore.controls import (
+    Brushed,
+    Choice,
+    Colors,
+    Control,
+    Files,
+    Settings,
+    UnfitRequestError,
+    controls_of,
+    number,
+)
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import N_CURVE, SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, Request, Tab, all_of, mask_files, masking, missing, reading
+from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, Request, Tab, all_of, missing, reading
 from cvtimg.options.common import color_bits
 from cvtimg.palettes.known import known_palettes
 from cvtimg.pictures import Frames
@@ -93,8 +103,18 @@ class ColorsTab(Tab):
         ("color_bits", {"when": {"aim": list(_SEARCHED)}}),
         ("palette_per_frame", {"name": "per_frame", "when": {"aim": ["k", "psnr"]}, "only": "animations"}),
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
-        replace(BRUSH, only="images"),
+        replace(BRUSH, label="Mask, weights", only="images"),
         MASK,
+        Brushed(
+            name="weights",
+            label="Weights",
+            flag="--weight-map",
+            modes={"add": "More", "erase": "Less", "paint": "As usual"},
+            values={"add": 255, "erase": 1, "paint": 16},
+            base=16,
+            when={"aim": list(_SEARCHED), "brushes": [True]},
+            about="Errors count up to 16 times, or a sixteenth.",
+        ),
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
@@ -112,7 +132,7 @@ class ColorsTab(Tab):
         in_png = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
         suffixes = [".png", ".webp", ".gif"][: None if dtype == np.uint8 else 1] if in_png else [".npy"]
         images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end) for end in suffixes]
-        return [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS), *mask_files(request)]
+        return [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS), *self.map_files(request)]
 
     def recipe(self, request: Request) -> Recipe:
         has_pages = request.source.frames and not isinstance(request.source.frames, Frames)
@@ -148,21 +168,21 @@ class ColorsTab(Tab):
     def lines(self, request: Request) -> list[Line]:
         request = _fitting(request)
         settings, picture, frames = request.settings, request.picture, request.source.frames
-        keywords, mask = self.keywords(settings), masking(request)
+        keywords, maps = self.keywords(settings), self.maps(request)
         if frames:
             is_film = isinstance(frames, Frames)
             read = call("cvtimg.pictures.read_frames", request.source.name) if is_film else request.source.pages_code
             lines = [Line("frames", read, frames)]
         else:
             lines = [reading(request)]
-        lines += mask
-        keywords |= {"mask": Code("mask")} if mask else {}
+        lines += maps
+        keywords |= {line.name: Code(line.name) for line in maps}
         if known := missing(picture):
-            lines += all_of([*known, *(Code("mask > 0") for _ in mask)])
+            lines += all_of([*known, *(Code("mask > 0") for line in maps if line.name == "mask")])
             keywords["mask"] = Code("known")
         number: tuple[Any, ...] = ()
         palette = self._palette(request)
-        if palette:
+        if palette and "weights" not in keywords:
             lines += [palette]
             keywords["palette"] = Code("palette")
             keywords.pop("effort", None)
@@ -192,7 +212,7 @@ class ColorsTab(Tab):
     def draft(self, request: Request) -> Outcome | None:
         """Map the window to a palette that is at hand, or quickly found."""
         settings, picture = request.settings, request.picture
-        palette = None if masking(request) else self._quick_palette(request)
+        palette = None if self.brushed(request) else self._quick_palette(request)
         if palette is None:
             return None
         dither = None if settings["dither"] == "none" else settings["dither"]

@@ -14,7 +14,7 @@ from cvtimg.explore.calls import Code, Line, call, evaluated, literal, run
 from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.outcomes import Outcome, Output
-from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, WRITE_IMAGE, Request, Tab, mask_files, visible
+from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, WRITE_IMAGE, Request, Tab, visible
 from cvtimg.labels import region_means
 from cvtimg.segmentation import Objects
 
@@ -107,12 +107,12 @@ class SegmentsTab(Tab):
             Output("Edges, PNG", "--edges", "{}-edges.png", WRITE_IMAGE, (edges,), scale),
             Output("Contours, SVG", "--contours", "{}-contours.svg", "cvtimg.labels.write_contours", (contours,)),
             Output("Table of segments, CSV", "--table", "{}-table.csv", "cvtimg.labels.write_table", (table,), name),
-            *mask_files(request),
+            *self.map_files(request),
         ]
 
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
-        lines, inside = visible(request)
+        lines, inside = visible(request, self.maps(request))
         lines = [Line(_FILE, Code(literal(request.picture.name)), request.picture.path), *lines]
         tree = Line("tree", call("cvtimg.segment_hierarchy", IMAGE, **inside))
         divided = self._call(settings, inside)

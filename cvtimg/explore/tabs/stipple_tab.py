@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from cvtimg._shared.choices import Json, Options
 from cvtimg.artwork import Stipples
 from cvtimg.artwork.papers import Sheet
 from cvtimg.explore.calls import Code, Line, call, evaluated
-from cvtimg.explore.controls import Choice, Control, Settings, Switch, active, controls_of
+from cvtimg.explore.controls import Choice, Control, Settings, Switch, active, controls_of, number
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
 #: Settings of the drawing, not of the dots: options of `Stipples.save`.
 _DRAWN = ("width", "height", "paper", "landscape", "margin", "marks", "fill", "pen_width")
+_LIMITED: Json = {"flag": "", "keyword": "", "when": {"limited": [True]}}
 
 
 class StippleTab(Tab):
@@ -25,12 +26,19 @@ class StippleTab(Tab):
     verb = "stipple"
     pace = 0.6
     most_drafted = 1 << 16
+    arguments: ClassVar[Mapping[str, str]] = {"radius_range": "limited"}
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "stipple",
         Choice(name="by", label="Dots by", default="n", choices={"n": "their number", "pen": "the width of the pen"}),
         ("number", {"name": "n_dots", "always": False, "when": {"by": ["n"]}}),
         ("pen", {"when": {"by": ["pen"]}, "always": True, "keyword": ""}),
         ("dots", {"when": {"by": ["n"]}}),  # those of a pen are of one size
+        Switch(name="limited", label="Limit radii", when={"dots": ["sized"]}),
+        ("radius_range", {"name": "least", **_LIMITED}),
+        (
+            "radius_range",
+            {"name": "greatest", "label": "Greatest radius", "default": 4.0, "slider": (0.1, 20), **_LIMITED},
+        ),
         "tones",
         "max_ink",
         "white_cutoff",
@@ -54,6 +62,18 @@ class StippleTab(Tab):
         kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV"}
         return [Output(label, "-o", f"{{}}-stippled{suffix}", keywords=drawing) for suffix, label in kinds.items()]
 
+    def words(self, request: Request, *more: str) -> list[str]:
+        settings = request.settings
+        if "least" in self.in_effect(settings):
+            more += ("--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}")
+        return Tab.words(self, request, *more)
+
+    def pasted(self, flag: str, text: str) -> Json:
+        if flag != "--radius-range":
+            return {}
+        least, greatest = map(number, text.split(" "))
+        return {"limited": True, "least": least, "greatest": greatest}
+
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
         keywords = self.keywords(settings)
@@ -61,6 +81,8 @@ class StippleTab(Tab):
             is_wide = settings["paper"] == "none" and settings["height"] == "auto"
             scale = f"{settings['width']} * image.shape[1]" if is_wide else f"{self._scale(request)}"
             keywords["dot_diameter"] = Code(f"{settings['pen']} / {scale}")
+        if "least" in self.in_effect(settings):
+            keywords["radius_range"] = (settings["least"], settings["greatest"])
         number = (settings["n_dots"],) if settings["by"] == "n" and settings["n_dots"] != "auto" else ()
         return [reading(request), Line("result", call("cvtimg.stipple", IMAGE, *number, **keywords))]
 
