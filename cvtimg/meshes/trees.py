@@ -25,6 +25,8 @@ _SIDE = 0.7
 _FIRST_LEVEL, _LAST_LEVEL = 6, 24
 #: More cells need more memory than machines have.
 _MOST_CELLS = 1 << 23
+#: Cells of a level from which on none is divided for lowered sizes: more of these take longer, and hardly count better.
+_MOST_DIVIDED = 1 << 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +37,22 @@ class Cells:
     sides: Floats  # (C,)
     inside: Bools  # (C,): whether the center is in the region
     corners: Points  # (N, 2): the corners of squares twice as wide, each once
+    contains: Callable[[Points], Bools]  # whether points (M, 2) are in the region
+
+    def divided(self, sizes: Sizes) -> Cells:
+        """Divide cells until they are as small as sizes at their centers ask for, which may be lower than at first."""
+        done, centers, sides = [], self.centers, self.sides
+        quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / 4
+        while len(centers):
+            is_large = (sides > _SIDE * sizes(centers)) & (len(centers) < _MOST_DIVIDED)
+            done.append((centers[~is_large], sides[~is_large]))
+            centers, sides = centers[is_large], sides[is_large]
+            centers = (centers[:, None] + sides[:, None, None] * quarters).reshape(-1, 2)
+            sides = np.repeat(sides / 2, 4)
+        if len(done) == 1:
+            return self
+        centers, sides = (np.concatenate(each) for each in zip(*done, strict=True))
+        return replace(self, centers=centers, sides=sides, inside=self.contains(centers))
 
     def masses(self, density: Callable[[Points], Floats]) -> Floats:
         """Return the mass (C,) of each cell under a density at points (M, 2): 0 outside of the region."""
@@ -72,7 +90,7 @@ class TreeField:
     @property
     def count(self) -> float:
         """About how many vertices a mesh has, but for half of those on its boundary."""
-        return PER_AREA * float(self._masses().sum())
+        return PER_AREA * float(self._masses()[1].sum())
 
     def metric(self, points: Points) -> Points:
         """Return metrics (N, 3) at (N, 2) points."""
@@ -98,10 +116,12 @@ class TreeField:
 
     def seeds(self, n: int, rng: np.random.Generator) -> Points:
         """Draw (n, 2) points along a Morton curve."""
-        return self.cells.seeds(self._masses(), n, rng)
+        cells, masses = self._masses()
+        return cells.seeds(masses, n, rng)
 
-    def _masses(self) -> Floats:
-        return self.cells.masses(lambda points: self._at(points) ** -2.0)
+    def _masses(self) -> tuple[Cells, Floats]:
+        cells = self.cells.divided(self._at)
+        return cells, cells.masses(lambda points: self._at(points) ** -2.0)
 
     def _at(self, points: Points) -> Floats:
         triangles, shares = self.mesh.locate(points, self._near if len(self._near) == len(points) else None)
@@ -165,7 +185,7 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     unique = np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1)
     unit = side / (1 << _LAST_LEVEL)
     centers = origin + corners * unit + sides[:, None] / 2
-    return Cells(centers, sides, outline.contains(centers), origin + unique * unit)
+    return Cells(centers, sides, outline.contains(centers), origin + unique * unit, outline.contains)
 
 
 def _crossed(lines: Any, corners: Points, side: float) -> Bools:

@@ -534,3 +534,20 @@ def test_labels_are_periodic_where_their_borders_are() -> None:
     labels[:, -1] = labels[:, 0]
     mesh = mesh_labels(labels, edge_length=3, periodic="xy", effort="fast")
     assert shifts(mesh) == {(30, 0), (0, 24)}
+
+
+def test_sizes_count_where_they_are_small_between_the_cells_of_the_field() -> None:
+    # Points doubled 1e-4 apart lower sizes within cells of .02: by the sizes at their centers, other points of the
+    # same outline made 40 % more vertices, or angles of 2 degrees.
+    angle = np.linspace(0, 2 * np.pi, 500, endpoint=False)
+    outline = (1 + 0.3 * np.sin(3 * angle))[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    numbers = []
+    for start in (0, 6, 15):
+        doubled = np.arange(start, 500, 25)
+        steps = np.roll(outline, -1, axis=0)[doubled] - outline[doubled]
+        steps *= 1e-4 / np.linalg.norm(steps, axis=1, keepdims=True)
+        points = np.insert(outline, doubled + 1, outline[doubled] + steps @ [[1, 1], [-1, 1]], axis=0)
+        mesh = mesh_region(points, effort="fast")
+        assert measure_triangles(mesh.points, mesh.triangles).least_angles.min() > 25
+        numbers.append(len(mesh.points))
+    assert max(numbers) < 1.2 * min(numbers)
