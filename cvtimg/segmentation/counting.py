@@ -172,8 +172,6 @@ def count_objects(
         inside = inside & ~outside
         gray = evenly_lit(gray, inside, outside)
     del gray
-    contrast, factor, above_blotches = _clear_of_blotches(contrast, inside)
-    step *= factor
     radius = _radius((contrast > 0.5) & inside, size) if diameter is None else diameter / 2
     white = noise / abs(step) if step else 0.0
     is_noise = SETTINGS.significant * white >= 1 or _are_impulses(contrast, inside)
@@ -181,7 +179,7 @@ def count_objects(
         labels, radius, least = np.zeros(inside.shape, np.int32), 0.0, 0.0
     else:
         noise = max(white, _noise_of_ground(contrast, inside, radius) if contrast.ndim == 2 else 0.0)
-        threshold = max(float(np.clip(SETTINGS.above_noise * noise, SETTINGS.dimmest, 0.5)), above_blotches)
+        threshold = float(np.clip(SETTINGS.above_noise * noise, SETTINGS.dimmest, 0.5))
         necks = Necks(SETTINGS.outline * noise * blur, neck_depth)
         if diameter is not None and least is None:
             least = SETTINGS.least_size * (4 / 3 * radius**3 / size[0] if len(size) > 2 else radius**2) * np.pi
@@ -385,30 +383,10 @@ def _are_impulses(contrast: Floats32, inside: Bools) -> bool:
     return bool(abs(above - below) <= min(below, 3 * np.sqrt(above + below)))  # three standard deviations of chance
 
 
-def _clear_of_blotches(contrast: Floats32, inside: Bools) -> tuple[Floats32, float, float]:
-    """Return contrasts to objects in place of blotches, how much more these are, and above which objects have them.
-
-    A ground is blotchy if objects differ from it by less than it varies downward, where no objects are. That of a
-    volume is not judged: between dense objects little of it is seen.
-    """
-    if contrast.ndim > 2 or _height_of_blotches(contrast[inside]) <= 0.5:
-        return contrast, 1.0, 0.0
-    contrast, factor = contrast_of(contrast, inside, "darkest", contrast > 0.5)
-    return contrast, factor, _height_of_blotches(contrast[inside])
-
-
-def _height_of_blotches(contrasts: Floats32) -> float:
-    """Return the contrast by which objects exceed what the ground varies by, as told below 0, where no objects are."""
-    below = contrasts[contrasts < 0]
-    return SETTINGS.significant * float(np.sqrt(np.mean(np.square(below)))) if below.size else 0.0
-
-
-def contrast_of(
-    image: Floats32, inside: Bools, background: str, blotches: Bools | None = None
-) -> tuple[Floats32, float]:
+def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats32, float]:
     """Return where pixels lie between the generators of background, 0, and objects, 1, and their mean difference.
 
-    The image is overwritten. With `blotches`, objects are more than these, and than all that the background varies by.
+    The image is overwritten.
     """
     from skimage.filters import threshold_otsu
 
@@ -416,9 +394,7 @@ def contrast_of(
     some, counts = image[..., ::apart, ::apart], inside[..., ::apart, ::apart]
     reach = [SETTINGS.reach_across * length for length in some.shape[:-2]] + [SETTINGS.reach * max(some.shape[-2:])] * 2
     objects = (some > threshold_otsu(some[counts])) & counts  # type: ignore[no-untyped-call]
-    if blotches is not None:
-        objects = blotches[..., ::apart, ::apart] & counts
-    elif background == "brightest" or (background == "largest" and 2 * objects.sum() > counts.sum()):
+    if background == "brightest" or (background == "largest" and 2 * objects.sum() > counts.sum()):
         objects = ~objects & counts
     step, generators = 0.0, None
     for _ in range(SETTINGS.max_rounds):
@@ -430,9 +406,7 @@ def contrast_of(
         above = local_mean(beyond, objects, reach, SETTINGS.object_prior)
         step = float(spread(above, some.shape).mean())
         generators = ground, np.where(above * step > 0, above, step or 1).astype(np.float32)
-        shares = beyond / spread(generators[1], some.shape)
-        least = 0.5 if blotches is None else max(0.5, _height_of_blotches(shares[counts]))
-        before, objects = objects, (shares > least) & counts
+        before, objects = objects, (beyond / spread(generators[1], some.shape) > 0.5) & counts
         if (objects != before).mean() < 1e-4:
             break
     if generators is None or not _explains(some, generators, objects, counts, reach):

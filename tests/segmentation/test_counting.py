@@ -83,14 +83,6 @@ def test_the_background_can_be_named() -> None:
     assert other.labels[5, 90] > 0
 
 
-@pytest.mark.parametrize("size", [2, 5])
-def test_blotches_of_the_ground_are_no_objects(size: float) -> None:
-    blotches = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=drawn().shape), size)
-    ground = 0.16 * blotches / blotches.std()
-    assert abs(count_objects(noisy(drawn() + ground, 0.03)).n_segments - len(DISCS)) <= 1
-    assert count_objects(noisy(ground, 0.03)).n_segments == 0
-
-
 @pytest.mark.parametrize("shape", [(1, 1), (2, 3), (60, 50)])
 def test_nothing_is_found_where_there_is_nothing(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(1)
