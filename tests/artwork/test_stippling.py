@@ -126,12 +126,6 @@ def test_a_drawing_in_process_colors_has_the_light_of_the_image() -> None:
     assert light == pytest.approx(1 - 0.6 * (1 - wanted), abs=0.015)
 
 
-def test_the_drawing_has_the_light_of_the_image() -> None:
-    result = stipple(RAMP, 1500, dots="sized", max_ink=0.6, tones="true")
-    drawn = 1 - ink_coverage(result.draw(scale=4))
-    assert drawn.mean() == pytest.approx(1 - 0.6 * ink_coverage(RAMP).mean(), abs=0.01)
-
-
 def test_a_light_drawing_keeps_the_order_of_tones_and_covers_a_third_at_most() -> None:
     light = ink_coverage(PHOTO, tones="light")
     true = ink_coverage(PHOTO)

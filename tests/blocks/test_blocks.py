@@ -57,9 +57,6 @@ def test_it_is_a_tessellation_of_all_samples(n_generators: int) -> None:
     assert result.energy == pytest.approx((WEIGHTS * squares.min(axis=1)).sum(), rel=1e-6)
     # So few rows are searched with more effort where they are in memory.
     assert result.energy <= 1.05 * tessellate(ROWS, n_generators, density=WEIGHTS).energy
-    assert all(
-        after <= before * (1 + 1e-7) for before, after in zip(result.energies, result.energies[1:], strict=False)
-    )
 
 
 @pytest.mark.parametrize(("effort", "beyond"), [("fast", "fast"), ("balanced", "best"), ("best", "best")])
@@ -219,19 +216,6 @@ def test_what_is_no_table_of_numbers_is_named(tmp_path: Path) -> None:
     pytest.importorskip("zarr")
     with pytest.raises(OSError, match=r"a\.zarr: is not a Zarr array"):
         open_blocks(tmp_path / "a.zarr")
-
-
-def test_blocks_of_which_all_rows_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = ROWS.copy()
-    rows[170:340] = np.nan
-    np.save(tmp_path / "a.npy", rows)
-    monkeypatch.setattr("cvtimg.blocks.rows.BLOCK_BYTES", 170 * 24)
-    opened = open_blocks(tmp_path / "a.npy", missing="drop")
-    result = tessellate(opened, 4)
-    kept = np.isfinite(rows).all(axis=1)
-    np.testing.assert_array_equal(opened.kept.compute(), kept)
-    assert result.energy == pytest.approx(tessellate(rows[kept], 4).energy, rel=1e-3)
-    assert len(result.labels.compute()) == kept.sum()
 
 
 # What is wrong is said with the number of the block

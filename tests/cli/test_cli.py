@@ -63,11 +63,6 @@ def process(*arguments: str | Path, **options: Any) -> subprocess.CompletedProce
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, **options)
 
 
-def listing(folder: Path) -> dict[str, bytes | None]:
-    """Everything below a folder, with what is in it."""
-    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
-
-
 # What comes out
 
 
@@ -185,19 +180,6 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
 
 
 # Bad files
-
-
-def test_one_bad_picture_does_not_stop_the_others(run: Run, here: Path) -> None:
-    Path("pictures/empty.jpg").touch()
-    inputs = [*sorted(Path("pictures").iterdir()), "pictures/missing.jpg"]
-    outcome = run("quantize", *inputs, "-k", "4", "--out-dir", "out", "--json")
-    assert outcome.status == 1
-    names = ("deep", "few", "grey", "rgb", "rgba")
-    assert sorted(path.name for path in Path("out").iterdir()) == [f"{name}.png" for name in names]
-    failed = {row["input"]: row["error"] for row in outcome.rows if "error" in row}
-    assert set(failed) == {"pictures/empty.jpg", "pictures/missing.jpg"}
-    assert len(outcome.err.splitlines()) == 2
-    assert len(outcome.rows) == 7
 
 
 @pytest.mark.parametrize(
@@ -414,23 +396,6 @@ def test_a_reader_that_leaves_early_is_no_reason_to_complain(here: Path, argumen
         done = subprocess.run(command, cwd=here, stdout=out, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
     assert done.stderr == ""
     assert done.returncode == 1
-
-
-@pytest.mark.parametrize("when", ["cvtimg.quantization.quantize_file", "PIL.Image.Image.save"])
-def test_an_interrupt_ends_with_130_one_line_and_nothing_half_written(
-    run: Run, here: Path, monkeypatch: pytest.MonkeyPatch, when: str
-) -> None:
-    def interrupt(*arguments: Any, **_: Any) -> None:
-        if when.endswith("save"):
-            arguments[1].write(b"half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(when, interrupt)
-    before = listing(here)
-    outcome = run("quantize", "pictures", "-k", "4", "--out-dir", "out", "--json")
-    assert (outcome.status, outcome.out) == (130, "")
-    assert outcome.err == "cvtimg: interrupted: 0 done, 0 skipped, 0 failed, 5 of 5 inputs left\n"
-    assert listing(here) == before
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX terminals")

@@ -65,14 +65,12 @@ segment a.png -k 2 --mask land.png -o land.png --overwrite | land.png is an inpu
 segment a.png -k 2 --write table.xls | .xls' must end in one of .csv
 segment a.png -k 2 --contours a.dxf | .dxf' must end in one of .svg, .geojson
 segment a.png -k 2 -o a.jpg | .jpg' must end in one of .png, .tif, .tiff, .npy
-segment a.png -k 2 --line-color loud | 'loud' must be a color such as '#rgb'
 segment a.png b.png -k 2 --overlay a.png | --overlay is for one input
 restore a.png b.png -k 2 -o out.png --weights 1,-2 | '1,-2' must be numbers > 0
 restore a.png b.png -k 2 -o out.png --edge-weight x | 'x' must be auto or a number >= 0
 restore a.png b.png -k 2 -o out.png --mask black.png | --mask is given 1 times, for 2 versions
 restore a.png b.png -k 2 -o b.png --overwrite | b.png is an input
 restore a.png b.png -k 2 -o out.png --labels out.png | would both become out.png
-segment a.png -k 3 --track -o l.tif | --track needs --objects
 cluster trees.csv | Missing option '--clusters' / '-k'
 cluster trees.csv -k many | 'many' must be auto or a whole number in 1..
 cluster trees.csv -k 3 --columns a,,b | --columns: 'a,,b' must be names with commas between them
@@ -129,10 +127,6 @@ info empty.png | empty.png: is empty
 info text.png | text.png: cannot be read: unknown image format
 info cut.jpg | cut.jpg: is truncated
 info nothing | nothing: no images in this folder
-quantize empty.png -k 4 --out-dir out | empty.png: is empty
-quantize text.png -k 4 --out-dir out | text.png: cannot be read: unknown image format
-quantize cut.jpg -k 4 --out-dir out | cut.jpg: is truncated
-quantize nothing -k 4 --out-dir out | nothing: no images in this folder
 quantize a.png -k 4 -o wrong.gpl/out.png | wrong.gpl/out.png
 quantize a.png -k 4 -o nowhere/out.png | nowhere/out.png
 quantize a.png -k 4 -o b.png | b.png: exists already; pass --overwrite to replace it
@@ -143,12 +137,9 @@ quantize a.png -k 4 -o c.png --save-palette wrong.gpl/a.gpl | wrong.gpl/a.gpl
 elbow a.png --csv far.csv | far.csv: exists already
 quantize a.png -k 300 -o a.gif | a.png: .gif holds images of at most 256 colors, and this one has 300
 quantize a.png -k 4 --mask black.png | the mask black.png must have 32 x 24 pixels, as the image, and has 40 x 20
-quantize a.png --quality 98-99 -k 8 --effort fast | at its lower end, which 8 colors reach
 quantize film.png -k 5 --depth 16 | film.png: is an animation, which --depth 16 cannot be used for
 quantize film.png -k auto | is an animation, which -k auto cannot be used for
-quantize film.png -k 5 --optimize | is an animation, which --optimize cannot be used for
 quantize pages.tif -k 3 -o p.png | has several pages: name an output that can hold them, -o FILE.tif
-quantize pages.tif -k 3 --depth 8 -o b.tif | --depth cannot be used for
 quantize pages.tif -k 4 --page 4 -o none.png | pages.tif: has 3 pages, and no page 4
 quantize pages.tif -k 4 --mask two.tif -o out.tif | needs a mask of 1 or 3 pages or frames, and two.tif has 2
 quantize pages.tif -k 4 --mask none.tif -o out.tif | page 2 of 3 has no pixel that counts

@@ -51,14 +51,6 @@ def test_a_palette_file_is_taken_as_it_is(few: RowOf, picture: Array) -> None:
     assert (8 * 257, 24 * 257, 32 * 257) in colors_of("out.png")
 
 
-def test_a_weight_map_tells_what_counts(few: RowOf, picture: Array) -> None:
-    weights = np.zeros(picture.shape[:2], np.uint8)
-    weights[20:30, 20:30] = 200
-    write_image("w.png", weights)
-    few("in.png", "-k", "8", "--weight-map", "w.png")
-    np.testing.assert_array_equal(read_image("out.png"), quantize(picture, 8, weights=weights).image)
-
-
 def test_depth_stays_or_becomes_what_is_asked(few: RowOf, picture: Array) -> None:
     deep = picture.astype(np.uint16) * 257 + np.arange(64, dtype=np.uint16)[:, None]
     write_image("deep.png", deep)

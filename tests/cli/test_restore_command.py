@@ -14,10 +14,9 @@ from damaging import card, damage, psnr
 from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import quantize_frames, read_image, restore, write_image
+from cvtimg import quantize_frames, read_image, write_image
 from cvtimg._shared.types import Array
 from cvtimg.cli import app as cli
-from cvtimg.labels import read_labels
 from cvtimg.pictures import Frames, Pages, read_frames, read_pages, write_frames, write_pages
 
 CLEAN = card(64)[0]
@@ -32,14 +31,6 @@ def run(run: Run) -> Run:
         write_image(f"rgb_{number}.png", read_image(f"v_{number}.png")[:, :, :3].copy())
         write_image(f"mask_{number}.png", mask)
     return lambda *arguments: run("restore", *arguments)
-
-
-def test_it_writes_what_the_function_returns(run: Run) -> None:
-    assert run("v_*.png", "-k", "4", "-o", "whole.png", "--labels", "labels.png")[0] == 0
-    result = restore([read_image(f"v_{number}.png") for number in (1, 2, 3)], 4)
-    np.testing.assert_array_equal(read_image("whole.png"), result.image)
-    np.testing.assert_array_equal(read_labels("labels.png"), result.labels)
-    assert psnr(result.image / 255, CLEAN) > 28
 
 
 def test_masks_on_disk_say_what_alpha_says(run: Run) -> None:

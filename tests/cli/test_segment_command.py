@@ -301,15 +301,6 @@ def test_all_outputs_of_a_hierarchy_are_written(small: Array, tree: RowOf) -> No
     assert Path("photo-table.csv").read_text().count("\n") == 8
 
 
-def test_a_space_that_is_named_is_taken(small: Array, tree: RowOf) -> None:
-    cuts = {}
-    for space in ("rgb", "lab"):
-        tree("-k", "7", "--space", space, "-o", f"{space}.npy")
-        cuts[space] = segment_hierarchy(small, space=space).cut(7)
-        np.testing.assert_array_equal(np.load(f"{space}.npy"), cuts[space])
-    assert (cuts["rgb"] != cuts["lab"]).any()
-
-
 def test_auto_cuts_at_the_threshold(small: Array, tree: RowOf) -> None:
     hierarchy = segment_hierarchy(small)
     for number in (["-k", "auto"], []):

@@ -203,6 +203,7 @@ def test_any_table_gives_a_tessellation_or_a_clear_error(rows: Array, n_generato
         ({"density": np.zeros(5)}, ValueError, "not all 0"),
         ({"method": "magic"}, ValueError, "method='magic' must be one of lloyd, transfer"),
         ({"init": "magic"}, ValueError, "init='magic' must be one of split, k-means"),
+        ({"init": len}, ValueError, r"init must be one of split, k-means\+\+, random or \(K, D\) generators"),
         ({"init": [[0, 0]]}, ValueError, r"init of shape \(1, 2\) must be \(2, 2\)"),
         ({"init": [[0, 0], [np.nan, 0]]}, ValueError, "init must be finite"),
         ({"effort": "heroic"}, ValueError, "effort='heroic' must be one of fast, balanced, best"),
@@ -340,11 +341,6 @@ def test_rows_of_which_one_is_beside_the_line_are_on_none() -> None:
     rows[77, 1] += 1e-6
     assert line_through(rows) is None
     assert line_through(np.ones((5, 2))) is None
-
-
-def test_a_callable_is_no_start() -> None:
-    with pytest.raises(ValueError, match=r"init must be one of split, k-means\+\+, random or \(K, D\) generators"):
-        tessellate(np.eye(3), 2, init=lambda rows, k, rng: rows[:k])  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("cluster", [lambda rows: tessellate(rows, 1), lambda rows: CVT(1).fit(rows)])

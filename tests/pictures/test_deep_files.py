@@ -32,19 +32,6 @@ FLOATS = RNG.normal(size=(5, 7, 6)).astype(np.float32)
 # --- 16-bit color
 
 
-@pytest.mark.parametrize("suffix", [".png", ".tif", ".npy"])
-@pytest.mark.parametrize("image", [GREY, RGB, RGBA], ids=["grey", "rgb", "rgba"])
-def test_16_bits_come_back_in_every_band(tmp_path: Path, suffix: str, image: Array) -> None:
-    path = tmp_path / f"a{suffix}"
-    write_image(path, image, alpha=image is RGBA)
-    np.testing.assert_array_equal(np.asarray(read_image(path)), image, strict=True)
-    info = image_info(path)
-    assert (info.height, info.width, info.bits) == (5, 7, 16)
-    assert info.has_alpha is (image is RGBA and suffix != ".npy")
-    others = {".png": lambda: imagecodecs.png_decode(path.read_bytes()), ".tif": lambda: tifffile.imread(path)}
-    np.testing.assert_array_equal(others.get(suffix, lambda: np.load(path))(), image)
-
-
 def test_16_bit_grey_with_alpha_becomes_rgba(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(imagecodecs.png_encode(np.ascontiguousarray(RGBA[..., :2])))
     options: dict[str, Any] = {"photometric": "minisblack", "extrasamples": ["unassalpha"]}
@@ -53,9 +40,9 @@ def test_16_bit_grey_with_alpha_becomes_rgba(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read_image(tmp_path / name), RGBA[..., [0, 0, 0, 1]], strict=True)
 
 
-@pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (33, 65)])
-def test_deep_png_agrees_with_libpng(tmp_path: Path, size: tuple[int, int]) -> None:
-    image = np.cumsum(RNG.integers(0, 900, (*size, 3)), axis=1).astype(np.uint16)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40, 3), (40, 1, 4), (33, 65, 3)])
+def test_deep_png_agrees_with_libpng(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    image = np.cumsum(RNG.integers(0, 900, shape), axis=1).astype(np.uint16)
     (tmp_path / "a.png").write_bytes(imagecodecs.png_encode(image, 6))
     np.testing.assert_array_equal(read_image(tmp_path / "a.png"), image, strict=True)
     write_image(tmp_path / "b.png", image)
@@ -191,6 +178,7 @@ def test_a_tiff_says_of_its_last_band_whether_it_is_alpha(tmp_path: Path, n_band
     assert image_info(tmp_path / "a.tif").has_alpha is (alpha and n_bands < 5)
     with tifffile.TiffFile(tmp_path / "a.tif") as tiff:
         extra = tiff.pages.first.tags.valueof(338)
+        np.testing.assert_array_equal(tiff.asarray(), image)
     extra = extra if isinstance(extra, tuple) else (extra,)
     assert (2 in extra) is alpha
     if not alpha:
@@ -218,13 +206,12 @@ def test_an_array_keeps_its_values_and_an_integer_type(tmp_path: Path, stored: A
     assert image.flags.writeable
 
 
-@pytest.mark.parametrize("dtype", ["int8", "<i2", ">i2", ">u2", "int32", ">u4", "int64", "uint64"])
+@pytest.mark.parametrize("dtype", ["int16", "uint16", "uint32"])
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3), (5, 7, 5)])
-def test_integers_in_tiff_keep_their_type(tmp_path: Path, dtype: str, shape: tuple[int, ...]) -> None:
-    ends = np.iinfo(dtype)
-    stored = RNG.integers(ends.min, ends.max, shape, np.dtype(dtype).newbyteorder("="), endpoint=True)
+def test_big_endian_integers_in_tiff_keep_their_type(tmp_path: Path, dtype: str, shape: tuple[int, ...]) -> None:
+    stored = RNG.integers(np.iinfo(dtype).min, np.iinfo(dtype).max, shape, np.dtype(dtype), endpoint=True)
     bands = {"photometric": "minisblack", "planarconfig": "contig"} if len(shape) == 3 else {}
-    tifffile.imwrite(tmp_path / "a.tif", stored.astype(dtype), byteorder=">" if dtype[0] == ">" else "<", **bands)
+    tifffile.imwrite(tmp_path / "a.tif", stored, byteorder=">", **bands)
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), stored, strict=True)
 
 

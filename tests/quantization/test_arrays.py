@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from cvtimg import find_palette, quantize, read_image, write_image
-from cvtimg.colors import color_samples
+from cvtimg import quantize, read_image, write_image
 from cvtimg.quantization import map_to_palette
 
 
@@ -85,12 +84,6 @@ def test_pixels_outside_the_mask_have_no_influence_and_stay(dither: str | None) 
     error = np.square(one.image[mask].astype(float) - image[mask]).sum()
     assert one.energy == pytest.approx(error)
     assert one.mse == pytest.approx(error / (3 * mask.sum()))
-    if dither is None:
-        alone = find_palette(color_samples(image[mask][None]), 6)
-        np.testing.assert_array_equal(one.palette, alone.colors)
-    pixels, palette = one.content
-    assert palette is not None
-    np.testing.assert_array_equal(palette[pixels][..., 3], np.where(mask, 255, 0))
 
 
 def test_masked_arrays_and_nan_are_masks() -> None:

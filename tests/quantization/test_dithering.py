@@ -25,26 +25,6 @@ SAMPLES = Path(__file__).parents[2] / "sample_images"
 Entries = NDArray[np.int32]
 
 
-def nearest_of(place: NDArray[np.float32], entries: NDArray[np.float32]) -> tuple[int, np.float32]:
-    """Find the nearest of some entries and its squared distance, rounded as the kernel rounds."""
-    steps = (place - entries) ** 2
-    distances = (steps[:, 0] + steps[:, 1]) + (steps[:, 2] + steps[:, 3])
-    return int(distances.argmin()), distances.min()
-
-
-def usual_step(palette: NDArray[np.float32]) -> np.float32:
-    """Root of the mean squared distance from an entry to the nearest other one."""
-    squares = ((palette[:, None].astype(np.float64) - palette) ** 2).sum(axis=2)
-    np.fill_diagonal(squares, np.inf)
-    return np.float32(np.sqrt(squares.min(axis=1).mean()) if len(palette) > 1 else 0)
-
-
-def widest_gap(palette: NDArray[np.float32]) -> float:
-    """Measure from the middle between any two entries to the nearest entry."""
-    middles = (palette[:, None] + palette) / 2
-    return float(np.sqrt(((middles[:, :, None].astype(float) - palette) ** 2).sum(axis=3).min(axis=2).max()))
-
-
 def diffused(image: NDArray[np.float32], palette: NDArray[np.float32], strength: float) -> Entries:
     """Floyd and Steinberg's method, pixel by pixel, in the float32 of the kernel."""
     height, width, _ = image.shape
@@ -55,15 +35,21 @@ def diffused(image: NDArray[np.float32], palette: NDArray[np.float32], strength:
     entries = np.zeros((len(palette), 4), np.float32)
     entries[:, : palette.shape[1]] = palette - low
     labels = np.empty((height, width), np.int32)
-    most = usual_step(entries)
-    if strength == 1:
-        most = max(most, np.float32(3 * widest_gap(entries)))
+    squares = ((entries[:, None].astype(np.float64) - entries) ** 2).sum(axis=2)
+    np.fill_diagonal(squares, np.inf)  # from an entry to the nearest other one
+    most = np.float32(np.sqrt(squares.min(axis=1).mean()) if len(entries) > 1 else 0)
+    if strength == 1:  # from the middle between any two entries to the nearest entry
+        middles = (entries[:, None] + entries) / 2
+        gaps = ((middles[:, :, None].astype(float) - entries) ** 2).sum(axis=3).min(axis=2)
+        most = max(most, np.float32(3 * np.sqrt(gaps.max())))
     part = np.float32([7 / 16, 3 / 16, 5 / 16, 1 / 16])
     for y in range(height):
         step, ahead = (1 if y % 2 == 0 else -1), np.zeros(4, np.float32)
         for x in range(width)[::step]:
             place = (wide[y, x] + errors[y, x + 1]) + ahead
-            labels[y, x], squared = nearest_of(place, entries)
+            steps = (place - entries) ** 2
+            distances = (steps[:, 0] + steps[:, 1]) + (steps[:, 2] + steps[:, 3])  # rounded as the kernel rounds
+            labels[y, x], squared = distances.argmin(), distances.min()
             share = np.float32(strength) * (most / np.sqrt(squared) if squared > most * most else 1)
             missed = (place - entries[labels[y, x]]) * share
             ahead = missed * part[0]

@@ -113,14 +113,6 @@ def test_the_picture_has_the_shape_of_the_first_version(shape: tuple[int, ...]) 
     assert result.generators.shape == (2, 2, shape[2] if len(shape) == 3 else 1)
 
 
-@pytest.mark.parametrize("n_versions", [1, 2, 5])
-def test_identical_versions_give_what_one_gives(n_versions: int) -> None:
-    flat = in_bytes([card(40)[0]])
-    result = restore(flat * n_versions, 4)
-    np.testing.assert_array_equal(result.image, flat[0])
-    assert result.energy == pytest.approx(0, abs=1e-3)
-
-
 def test_a_noisier_version_counts_for_less() -> None:
     clean, _ = card(48)
     rng = np.random.default_rng(0)

@@ -53,7 +53,6 @@ def test_results_are_measured_on_the_picture(photograph: Array, way: dict[str, A
     result = segment(photograph[::2, ::2], 4, **way)
     picture = photograph[::2, ::2].astype(float)
     np.testing.assert_array_equal(np.unique(result.labels), np.arange(1, result.n_segments + 1))
-    np.testing.assert_array_equal(np.bincount(result.labels.ravel())[1:], result.masses)
     if "space" in way:
         return
     means = np.stack([picture[result.labels == label].mean(axis=0) for label in range(1, result.n_segments + 1)])
