@@ -160,6 +160,7 @@ def test_dots_are_as_wide_as_the_pen_and_as_many_as_the_ink_takes() -> None:
     np.testing.assert_allclose(2 * pens.radii[pens.layers == 3], 2.5, rtol=5e-2)
 
 
+@pytest.mark.slow
 @given(st.integers(1, 60), st.integers(0, 5), st.integers(1, 1000))
 def test_a_tour_visits_each_point_once_wherever_they_are(n_points: int, seed: int, n_places: int) -> None:
     points = np.random.default_rng(seed).integers(0, n_places, (n_points, 2)).astype(np.float64)

@@ -80,6 +80,7 @@ def test_a_version_given_twice_is_told(run: Run) -> None:
     assert "more than once" not in run("v_1.png", "v_2.png", "-k", "4", "--effort", "fast", "-o", "b.png")[2]
 
 
+@pytest.mark.slow
 def test_what_is_left_of_stripes_and_the_noise_that_is_known_are_told(run: Run, photograph: Array) -> None:
     part = np.ascontiguousarray(photograph[:96, :96])
     rows = np.random.default_rng(1).normal(0, 8, (96, 1, 1))

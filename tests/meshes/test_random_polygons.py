@@ -124,6 +124,7 @@ def test_any_rings_have_a_mesh_or_one_clear_error(given_rings: list[list[tuple[f
         assert mesh.area == pytest.approx(whole.area, abs=0.15 * whole.length)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.6, 1.5, 4.0]), st.sampled_from([0, 0.7]))
 def test_any_labels_have_a_mesh(seed: int, edge_length: float, tolerance: float) -> None:

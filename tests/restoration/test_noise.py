@@ -42,6 +42,7 @@ def part(photograph: Array) -> Array:
 # --- the level
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigmas", [(6,), (2, 6), (2, 5, 20)], ids=str)
 @pytest.mark.parametrize("holes", [0, 0.3])
 def test_versions_with_holes_tell_noise_from_texture(part: Array, sigmas: tuple[float, ...], holes: float) -> None:
@@ -152,6 +153,7 @@ def found_in(*images: Array) -> SharedNoise | None:
     return shared_noise(stack_versions(images), in_place=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_bands", [1, 3])
 def test_level_and_reach_of_shared_noise_are_found_in_the_quiet_part_of_an_image(n_bands: int) -> None:
     sigmas = np.array([8, 10, 12])[:n_bands]
@@ -172,6 +174,7 @@ def test_gray_texture_is_not_taken_for_what_bands_share_of_noise() -> None:
     assert found.bands[0, 2] / found.bands[0, 0] == pytest.approx(0, abs=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grows", [False, True])
 @pytest.mark.parametrize("n_bands", [1, 3])  # 1: bands have grain in common
 def test_grain_is_noise_where_it_does_not_grow_as_texture(grows: bool, n_bands: int) -> None:
@@ -182,6 +185,7 @@ def test_grain_is_noise_where_it_does_not_grow_as_texture(grows: bool, n_bands: 
     assert found is None or np.sqrt(np.diag(found.bands)) == pytest.approx(10, rel=0.2)
 
 
+@pytest.mark.slow
 def test_versions_in_place_tell_shared_noise_from_texture_and_fit(part: Array) -> None:
     versions = stack_versions([part + blurred_noise(part.shape, 25, 0.8, seed) for seed in range(2)])
     found = shared_noise(versions, in_place=True)
@@ -260,7 +264,8 @@ def test_arrays_with_tables_count_and_others_do_not(part: Array, tmp_path: Path)
         assert Rounding.of(with_tables(np.asarray(gray), tmp_path / other)) is None
 
 
-@pytest.mark.parametrize("quality", [pytest.param(50, marks=pytest.mark.slow), 90])
+@pytest.mark.slow
+@pytest.mark.parametrize("quality", [50, 90])
 def test_detail_brings_back_what_was_rounded_away_where_the_tables_are_known(part: Array, quality: int) -> None:
     image = as_jpeg(part, quality)
     blind, found = (psnr(denoise([one], effort="fast").image / 255, part / 255) for one in (np.asarray(image), image))
@@ -293,6 +298,7 @@ def picture(shape: tuple[int, ...], content: str, dtype: type, seed: int) -> Arr
     return (np.rint(values * white) if white > 1 else values).astype(dtype)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     st.builds(
@@ -329,6 +335,7 @@ def test_what_is_known_of_a_photograph_without_noise_comes_back_as_it_is(equal: 
     np.testing.assert_array_equal(result.image[known], photograph[known])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sigma", "gain"), [(1, 0.5), (3, 2.5)])
 def test_little_noise_is_taken_away(part: Array, sigma: float, gain: float) -> None:
     image = noisy(part, sigma)

@@ -18,6 +18,7 @@ from cvtimg.restoration.versions import fill, fuse, stack_versions, trust_in, us
 RNG = np.random.default_rng(0)
 
 
+@pytest.mark.slow
 def test_a_version_that_knows_too_little_counts_as_the_others_do() -> None:
     clean, _ = card(64)
     versions = [clean + sigma * RNG.standard_normal(clean.shape) for sigma in (0.1, 0.1, 0.1)]

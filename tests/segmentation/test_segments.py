@@ -296,6 +296,7 @@ def test_details_within_a_pixel_need_less_weight_the_smaller_they_are() -> None:
     assert weight_of_detail(30, 3, Planes(9, 1.0)) == pytest.approx(30 / 428, rel=0.02)
 
 
+@pytest.mark.slow
 def test_of_a_page_under_a_lamp_ink_alone_is_ink() -> None:
     page = pytest.importorskip("skimage.data").page()
     sauvola = page < pytest.importorskip("skimage.filters").threshold_sauvola(page, 15)

@@ -68,6 +68,7 @@ def test_every_cell_that_the_coast_crosses_has_its_point_on_it(grid: CoastalGrid
     assert np.linalg.norm(coast.nearest(grid.points) - grid.points, axis=1)[grid.on_coast].max() < 1e-6
 
 
+@pytest.mark.slow
 def test_points_are_not_crowded_on_the_coast(grid: CoastalGrid) -> None:
     gaps = cKDTree(grid.points[grid.on_coast]).query(grid.points[grid.on_coast], k=2)[0][:, 1]
     size = np.sqrt(grid.areas.mean())
