@@ -61,6 +61,13 @@ def add_moments(
                         cell[6 + 2 * band + d] += image[row, column, band] * place[d]
 
 
+cdef inline int32_t beside(const int32_t[:, ::1] labels, Py_ssize_t y, Py_ssize_t x, Py_ssize_t axis) noexcept nogil:
+    """The cell of the pixel to the right, or below; at the end of the image that of the pixel itself."""
+    if (y + 1 if axis else x + 1) >= (labels.shape[0] if axis else labels.shape[1]):
+        return labels[y, x]
+    return labels[y + axis, x + 1 - axis]
+
+
 def add_borders(
     const int32_t[:, ::1] labels,     # IN (H, W): cell of each pixel
     const double[:, ::1] colors,      # IN (K, C): mean of each cell
@@ -69,7 +76,7 @@ def add_borders(
     double[:, ::1] sums,              # INOUT (K, 2): squared differences from neighbors, and how many these are
 ):
     """Compare cells along their borders."""
-    cdef Py_ssize_t bands = colors.shape[1], height = labels.shape[0], width = labels.shape[1], x, y, axis, band
+    cdef Py_ssize_t bands = colors.shape[1], width = labels.shape[1], x, y, axis, band
     cdef int32_t i, j
     cdef double square
     with nogil:
@@ -77,9 +84,7 @@ def add_borders(
             for x in range(width):
                 i = labels[y, x]
                 for axis in range(2):  # the pixel to the right, and the one below
-                    if (y + 1 if axis else x + 1) >= (height if axis else width):
-                        continue
-                    j = labels[y + axis, x + 1 - axis]
+                    j = beside(labels, y, x, axis)
                     if i == j:
                         continue
                     square = 0
@@ -116,8 +121,7 @@ def add_border_gradient(
 
     A border that runs steeply is met in every row, and a flat one in every column.
     """
-    cdef Py_ssize_t bands = image.shape[2], height = labels.shape[0], width = labels.shape[1], x, y
-    cdef Py_ssize_t axis, d
+    cdef Py_ssize_t bands = image.shape[2], width = labels.shape[1], x, y, axis, d
     cdef int32_t i, j
     cdef double along, across, line, slope
     cdef double place[2]
@@ -126,9 +130,7 @@ def add_border_gradient(
             for x in range(width):
                 i = labels[y, x]
                 for axis in range(2):  # the pixel to the right, and the one below
-                    if (y + 1 if axis else x + 1) >= (height if axis else width):
-                        continue
-                    j = labels[y + axis, x + 1 - axis]
+                    j = beside(labels, y, x, axis)
                     if i == j:
                         continue
                     along = points[j, axis] - points[i, axis]

@@ -84,15 +84,16 @@ def _apart_in_levels(versions: Versions, noise: Floats) -> Floats:
     the other version costs less than taking it.
     """
     n = versions.n_versions
+    # Of windows that are cut off, too, unlike those that tell an exposure: a covered lens is all black.
     levels = [_means(versions.bands(s).mean(axis=2), versions.known[:, :, s]) for s in range(n)]
     apart = np.zeros((n, n))
-    for one, other in combinations(range(n), 2):
-        seen = np.isfinite(levels[one] + levels[other])
+    for first, other in combinations(range(n), 2):
+        seen = np.isfinite(levels[first] + levels[other])
         if np.count_nonzero(seen) >= _FEW:
-            ours, theirs = levels[one][seen], levels[other][seen]
-            least = float(np.square(noise[[one, other]]).sum()) / MOST_MISFIT
+            ours, theirs = levels[first][seen], levels[other][seen]
+            least = float(np.square(noise[[first, other]]).sum()) / MOST_MISFIT
             spread = max((np.var(ours) + np.var(theirs)) / 2, least, np.finfo(np.float64).tiny)
-            apart[one, other] = apart[other, one] = np.median(np.square(ours - theirs)) / spread
+            apart[first, other] = apart[other, first] = np.median(np.square(ours - theirs)) / spread
     return apart
 
 
