@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.budgets import SAMPLES_OF_FIGURE
 from cvtimg._shared.types import Array, Bools
 
 #: Pillow modes whose samples are grey or RGB, perhaps with alpha: others hold indices, ink or other coordinates.
 _PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
-#: Samples of which the usual range is taken.
-_SOME = 1 << 16
 
 
 class AlphaArray(np.ndarray[Any, Any]):
@@ -106,7 +105,7 @@ def white_among(samples: Array) -> float:
 
 def usual_range(*arrays: Array) -> float:
     """Return the range of all samples but one in a hundred at each end, of some: no hot pixel widens it."""
-    some = np.concatenate([array.reshape(-1)[:: 1 + array.size // _SOME] for array in arrays])
+    some = np.concatenate([array.reshape(-1)[:: 1 + array.size // SAMPLES_OF_FIGURE] for array in arrays])
     return float(np.ptp(np.quantile(some.astype(np.float64), (0.01, 0.99))))
 
 

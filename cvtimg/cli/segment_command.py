@@ -7,11 +7,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.joint_table import JointTable
 from cvtimg.cli.running import Todo, only, plan_of, planned
 from cvtimg.cli.segment_outputs import OF_LINES, check_room, kind_of, outputs_of, write_outputs
-from cvtimg.options.common import MAX_COLORS
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:

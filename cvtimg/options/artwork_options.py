@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, late, passed
@@ -150,7 +151,7 @@ MOSAIC = (
         "Voronoi cells, or triangles (low poly).",
         default="cells",
     ).on_page("Shape"),
-    passed("palette", Whole(1, common.MAX_COLORS), "Use only N colors.", "--colors -k").on_page(
+    passed("palette", Whole(1, MAX_COLORS), "Use only N colors.", "--colors -k").on_page(
         "Colors in all", slider=(2, 64), log=True, default=8
     ),
     common.SPACE,

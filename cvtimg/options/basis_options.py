@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
@@ -9,10 +10,9 @@ from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passe
 
 def _modes(text: str) -> int | float | str:
     """Return a number of modes, or a share of the variance in 0..1."""
+    kind = Real(above=0, high=0.999999) if "." in text else Whole(1, MAX_COLORS, auto=True)
     try:
-        return (
-            float(Real(above=0, high=0.999999).parse(text)) if "." in text else Whole(1, 1 << 16, auto=True).parse(text)
-        )
+        return kind.parse(text)
     except ValueError as error:
         raise ValueError(
             f"{text!r} must be auto, a whole number in 1..65536, or a share in 0..1 such as 0.99"
@@ -40,7 +40,7 @@ BASIS = (
         "Principal components, generators of a tessellation, or principal components of each of its cells.",
         default="pod",
     ),
-    passed("n_cells", Whole(1, 1 << 16), "Number of cells of --kind cvod.", "--cells", metavar="C", default=8),
+    passed("n_cells", Whole(1, MAX_COLORS), "Number of cells of --kind cvod.", "--cells", metavar="C", default=8),
     switch("uncentered", "Describe the snapshots themselves, not their differences from the mean, with --kind pod."),
     file(
         "weights",

@@ -11,7 +11,6 @@ from typing import Any, get_args
 from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
 from cvtimg.options.record import Choice, File, Option, Real, Switch, Text, Whole, late, passed
 
-MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
 PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .scss, .svg, .pal, .txt or .png"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.choices import DitherName, GoalName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
@@ -82,8 +83,8 @@ QUANTIZE = (
     common.IMAGES,
     Option(
         "number",
-        Whole(1, common.MAX_COLORS, auto=True),
-        f"Number of colors, at most {common.MAX_COLORS}; auto picks it at the elbow of the energy.",
+        Whole(1, MAX_COLORS, auto=True),
+        f"Number of colors, at most {MAX_COLORS}; auto picks it at the elbow of the energy.",
         "--colors -k",
         keyword="n_colors",
     ).on_page("Colors", slider=(2, 256), log=True, default=16),
@@ -226,7 +227,7 @@ PALETTE = (
     common.IMAGES,
     Option(
         "number",
-        Whole(1, common.MAX_COLORS),
+        Whole(1, MAX_COLORS),
         f"Size of the palette; by default all colors of an image, or {DEFAULT_COLORS} if it has more than 256.",
         "--colors -k",
     ).on_page("Colors", slider=(2, 64), log=True, high=256, default=8),

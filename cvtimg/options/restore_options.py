@@ -6,6 +6,7 @@ import math
 from contextlib import suppress
 from typing import get_args
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.choices import AlignName, AutoEffortName, NoiseName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
@@ -32,7 +33,7 @@ RESTORE = (
     ),
     Option(
         "number",
-        Whole(1, common.MAX_COLORS - 1, auto=True),  # more segments no file of labels holds
+        Whole(1, MAX_COLORS - 1, auto=True),  # more segments no file of labels holds
         "Number of segments; auto picks it by the energy.",
         "--segments -k",
         default="auto",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole, late, passed
@@ -103,7 +104,7 @@ _CRITERIA = {
     "discrepancy": "least discrepancy",
 }
 DESIGN = (
-    Option("number", Whole(1, 1 << 16), "Number of new points.", "--points -n", required=True).on_page(
+    Option("number", Whole(1, MAX_COLORS), "Number of new points.", "--points -n", required=True).on_page(
         "Points", slider=(4, 500), log=True, default=40
     ),
     Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "--dimensions -d", "D").on_page(

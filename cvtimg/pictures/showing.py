@@ -8,13 +8,12 @@ from itertools import cycle, islice
 import numpy as np
 from PIL import ImageColor
 
+from cvtimg._shared.budgets import ROWS_AT_ONCE
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.types import Array, Bytes
 
 #: Parts of the samples that may be darker than black and brighter than white, so that a hot pixel hides nothing.
 _TAIL = 0.001
-#: Samples looked at to find the limits.
-_SOME = 1 << 20
 #: Images whose brightest part is below this share of white are too dark to be shown as they are.
 _DARK = 0.5
 #: Colors of channels that are shown together, in the order of Fiji; of two they are those that all people tell apart.
@@ -27,7 +26,7 @@ def limits_to_show(images: Iterable[Array]) -> tuple[float, float]:
     8-bit images, alpha, NaN and infinity are not considered.
     """
     deep = [_split_alpha(image)[0].ravel() for image in images if image.dtype != np.uint8]
-    some = [values[:: max(1, values.size // _SOME)] for values in deep]
+    some = [values[:: max(1, values.size // ROWS_AT_ONCE)] for values in deep]
     some = [finite for values in some if (finite := values[np.isfinite(values)]).size]
     low = min((float(np.quantile(values, _TAIL, method="lower")) for values in some), default=0)
     high = max((float(np.quantile(values, 1 - _TAIL, method="higher")) for values in some), default=low)

@@ -1,6 +1,6 @@
 """Read and write images larger than memory (TIFF and Zarr), a band of rows at a time.
 
-A band consists of whole rows of tiles, strips or chunks, about `BAND_PIXELS` pixels in all. Only a few bands are in
+A band consists of whole rows of tiles, strips or chunks, about `PIXELS_AT_ONCE` pixels in all. Only a few bands are in
 memory at any time.
 """
 
@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from cvtimg._shared.budgets import MOST_IN_MEMORY, PIXELS_AT_ONCE
 from cvtimg._shared.extras import optional
 from cvtimg._shared.threads import n_threads
 from cvtimg._shared.types import Array, Bytes
@@ -26,18 +27,10 @@ from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, check_alone, icc_p
 
 #: Suffixes of files that are written in tiles.
 TILED_SUFFIXES = (".tif", ".tiff", ".zarr")
-#: TIFF files of more pixels are read in tiles, if the format of the output allows it.
-_LARGE = 1 << 26
-#: Approximate number of pixels in a band; a few bands are in memory at a time.
-BAND_PIXELS = 1 << 23
 #: Sample types that can be read in bands.
 SAMPLES = (*(f"{kind}{bits}" for bits in (8, 16, 32, 64) for kind in ("uint", "int")), "float32", "float64")
 
 Band: TypeAlias = Array
-#: Larger strips or tiles, in bytes, are rejected: reading one would be like reading the whole image.
-_MOST_AT_ONCE = 1 << 28
-#: Bytes of tiles that are decoded or encoded in parallel.
-_AT_ONCE = 1 << 24
 #: Height and width of tiles, and of chunks of Zarr, that are written.
 _TILE, _CHUNK = 256, 1024
 
@@ -87,8 +80,8 @@ class Bands:
 
 
 def band_height(width: int, piece: int) -> int:
-    """Return the number of rows of a band: a multiple of the tile height, for about `BAND_PIXELS` pixels."""
-    return max(1, BAND_PIXELS // (width * piece)) * piece
+    """Return the number of rows of a band: a multiple of the tile height, for about `PIXELS_AT_ONCE` pixels."""
+    return max(1, PIXELS_AT_ONCE // (width * piece)) * piece
 
 
 def in_heights(bands: Iterable[Band], height: int) -> Iterator[Band]:
@@ -135,7 +128,7 @@ def write_bands(
             compressionargs={"level": 3},
             iccprofile=form.icc,
             extratags=extra_tags(form.geo, form.nodata),
-            buffersize=_AT_ONCE,
+            buffersize=PIXELS_AT_ONCE,
         )
 
 
@@ -149,7 +142,7 @@ def needs_tiles(source: StrPath, target: StrPath) -> bool:
     if not suffixes <= {".tif", ".tiff"}:
         return False
     try:
-        return open_bands(source).form.n_pixels > _LARGE
+        return open_bands(source).form.n_pixels > MOST_IN_MEMORY
     except OSError:  # the usual reader opens it or reports the error
         return False
 
@@ -184,7 +177,8 @@ def _check_page(page: Any) -> None:
         problem = "its bands lie one after the other"
     elif page.tags.valueof("Orientation", 1) != 1:
         problem = "it lies on its side"
-    elif not _is_plain(page) and math.prod(page.chunks) * page.dtype.itemsize > _MOST_AT_ONCE:
+    # A band of four doubles for each pixel: reading a larger piece would be like reading the whole image.
+    elif not _is_plain(page) and math.prod(page.chunks) * page.dtype.itemsize > 32 * PIXELS_AT_ONCE:
         problem = "it is one piece"
     if problem:
         raise UnfitContentError(f"cannot be read in tiles: {problem}")
@@ -217,7 +211,7 @@ def _read_pieces(page: Any, form: Form) -> Iterator[Band]:
     height = band_height(width, min(piece, n_rows))
     band, first = np.zeros((min(height, n_rows), *form.shape[1:]), form.dtype), 0
     # By default, tifffile would read 256 MB before decoding; it counts bytes before that.
-    at_once = _AT_ONCE * sum(page.databytecounts) // page.nbytes
+    at_once = PIXELS_AT_ONCE * sum(page.databytecounts) // page.nbytes
     pieces = page.segments(maxworkers=n_threads(), buffersize=at_once)
     for pixels, (_, _, top, left, _), (_, n, m, _) in pieces:
         if top >= first + len(band):

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.checks import (
     check_choice,
     check_count,
@@ -45,7 +46,6 @@ from cvtimg.quantization.palette_search import (
     merged_colors,
     ramp_of,
 )
-from cvtimg.quantization.remapping import MAX_COLORS
 from cvtimg.quantization.targets import climb, toward
 
 

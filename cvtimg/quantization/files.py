@@ -124,8 +124,8 @@ def quantize_file(
 
     Animations stay animations in .gif, .png and .webp, and pages of TIFF stay pages, with one palette for all. Large
     images get the palette of the whole image, so there are no seams; memory does not grow with them: a few bands of
-    about 2^23 pixels (`cvtimg.pictures.tiles.BAND_PIXELS`), or of one row of tiles if that is more, and at most 2^22
-    distinct colors, beyond which neighbors are merged: under 2 GiB for RGB.
+    about 2^23 pixels, or of one row of tiles if that is more, and at most 2^22 distinct colors,
+    beyond which neighbors are merged: under 2 GiB for RGB.
 
     Parameters
     ----------

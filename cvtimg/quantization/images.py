@@ -11,6 +11,7 @@ from typing import Any, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.checks import check_alpha, check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg._shared.messages import warn
@@ -26,7 +27,7 @@ from cvtimg.pictures.formats.png import roughness
 from cvtimg.quantization.driver import QuantizeOptions, Source, judged, quantized
 from cvtimg.quantization.looks import MAX_ENTRIES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
-from cvtimg.quantization.remapping import MAX_COLORS, Quantized, keep_outside, map_samples
+from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
 #: Side of the pieces by which an image is judged, and how many of them are beside each other; at least, if few will do.
 _PIECE, _N_PIECES, _FEW_PIECES = 64, 11, 5

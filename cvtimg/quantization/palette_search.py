@@ -9,6 +9,7 @@ from typing import NamedTuple, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.checks import check_at_least, check_colors, check_count, check_keywords, refuse
 from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
 from cvtimg._shared.iteration import Callback, Stopping, iterate
@@ -25,7 +26,7 @@ from cvtimg.engine.methods import Method
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
 from cvtimg.quantization.hardware import check_color_bits, hardware_colors, rounded, suited
-from cvtimg.quantization.remapping import MAX_COLORS, map_samples, nearest_of_kind, tones_of
+from cvtimg.quantization.remapping import map_samples, nearest_of_kind, tones_of
 
 #: Colors shown in a notebook.
 _SHOWN = 256

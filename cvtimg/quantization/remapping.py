@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg._shared.messages import warn
@@ -27,8 +28,6 @@ from cvtimg.looks.rate import USUAL, Rate
 from cvtimg.quantization import dithering
 from cvtimg.quantization.looks import Below, map_for_eyes
 
-#: Indices of pixels have at most 16 bits.
-MAX_COLORS = 1 << 16
 #: Energies are added by parts of this many pixels, for the sake of memory.
 _PIXELS_AT_ONCE = 1 << 18
 #: Sizes of palettes of which indices of 1, 2, 4 and 8 bits are full.

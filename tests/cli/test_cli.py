@@ -20,16 +20,15 @@ from commands import Run
 
 import cvtimg
 from cvtimg import read_image, write_image
+from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.types import Array
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
 from cvtimg.labels.edges import EDGE_MODES
 from cvtimg.options import PANELS, options_of
-from cvtimg.options.common import MAX_COLORS
 from cvtimg.options.record import Choice
 from cvtimg.pictures import files as io
-from cvtimg.quantization import remapping
 from cvtimg.quantization.dithering import DITHERS
 from cvtimg.restoration import RENORMALIZATIONS
 from cvtimg.tables.files import MISSING, read_table
@@ -274,7 +273,6 @@ def test_choices_are_those_of_the_registries(choices: str, registry: Collection[
 def test_help_says_what_can_be_written(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     text = " ".join(run("help", "quantize").out.split())
-    assert MAX_COLORS == remapping.MAX_COLORS
     assert f"at most {MAX_COLORS}" in text
     suffixes = re.findall(r"\.[a-z]+", text.split("can also end in")[1].split("The same seed")[0])
     assert {*suffixes, ".png", ".tiff"} == set(io.lossless_suffixes())

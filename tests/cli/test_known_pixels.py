@@ -60,7 +60,7 @@ def test_nodata_of_an_option_is_left_out_and_in_all_bands_only(few: RowOf) -> No
 def test_nodata_of_a_file_is_left_out_and_stays_nodata_in_tiles_too(
     few: RowOf, monkeypatch: pytest.MonkeyPatch, dtype: str, large: int
 ) -> None:
-    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", large)
+    monkeypatch.setattr("cvtimg.pictures.tiles.MOST_IN_MEMORY", large)
     values = np.where(LEFT_OUT, 0, COLORS[..., 0]).astype(dtype)
     write_raster("in.tif", values, "0")
     row = few("in.tif", "-k", "4", "-o", "out.tif")
@@ -162,8 +162,8 @@ def test_tiles_leave_out_what_the_whole_image_does(
     write_image("mask.png", inside)
     tifffile.imwrite("mask.tif", inside.astype(np.uint8), rowsperstrip=7, photometric="minisblack")
     whole = told(*command.split(), "--mask", mask, "-o", "whole.tif")
-    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
-    monkeypatch.setattr("cvtimg.pictures.tiles.BAND_PIXELS", 100)
+    monkeypatch.setattr("cvtimg.pictures.tiles.MOST_IN_MEMORY", 100)
+    monkeypatch.setattr("cvtimg.pictures.tiles.PIXELS_AT_ONCE", 100)
     tiled = told(*command.split(), "--mask", mask, "-o", "tiled.tif")
     assert (tiled["status"], tiled["k"], tiled["left_out"]) == (0, whole["k"], (~inside).sum())
     np.testing.assert_array_equal(read_image("tiled.tif"), read_image("whole.tif"))

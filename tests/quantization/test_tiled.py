@@ -38,7 +38,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 @pytest.fixture(autouse=True)
 def small_bands(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several bands in a picture."""
-    monkeypatch.setattr(tiles, "BAND_PIXELS", 40_000)
+    monkeypatch.setattr(tiles, "PIXELS_AT_ONCE", 40_000)
 
 
 def quantize_file(
@@ -107,7 +107,7 @@ def test_a_given_palette_a_space_and_locked_colors_go_by_tiles() -> None:
 def test_large_tiffs_go_by_tiles_by_themselves_and_say_that_this_is_exact(monkeypatch: Any, row_of: RowOf) -> None:
     write_tiff(PICTURE, tile=(64, 64))
     monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
-    monkeypatch.setattr(tiles, "_LARGE", 1000)
+    monkeypatch.setattr(tiles, "MOST_IN_MEMORY", 1000)
     assert row_of("quantize", "a.tif", "-k", 12, "-o", "b.tif", "--save-palette", "p.gpl")["exact"] is True
     np.testing.assert_array_equal(tifffile.imread("b.tif"), quantize(PICTURE, 12).indices)
 

@@ -27,7 +27,7 @@ zarr = pytest.importorskip("zarr")
 @pytest.fixture(autouse=True)
 def small_strips(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several strips in a picture."""
-    monkeypatch.setattr(tiles, "BAND_PIXELS", 20_000)
+    monkeypatch.setattr(tiles, "PIXELS_AT_ONCE", 20_000)
     monkeypatch.setattr(tiled_segmentation, "STRIP_PIXELS", 4000)
 
 
@@ -135,7 +135,7 @@ def test_wrong_arguments_are_named(options: dict[str, Any], error: type[Exceptio
 def test_large_tiffs_go_by_tiles_by_themselves(photograph: Array, monkeypatch: Any, run: Run) -> None:
     scale, points = (30.0, 30.0, 0.0), (0.0, 0.0, 0.0, 500.0, 900.0, 0.0)
     write(photograph, extratags=[(42113, 2, 2, "7", True), (33550, 12, 3, scale, True), (33922, 12, 6, points, True)])
-    monkeypatch.setattr(tiles, "_LARGE", 1000)
+    monkeypatch.setattr(tiles, "MOST_IN_MEMORY", 1000)
     monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
     how = ["segment", "a.tif", "-k", "4", "--edge-weight", "8", "--space", "oklab", "-o", "b.tif", "--json"]
     (row,) = run(*how).rows
@@ -171,7 +171,7 @@ def test_zarr_goes_by_tiles(photograph: Array, run: Run) -> None:
 
 def test_what_needs_the_whole_picture_is_refused(photograph: Array, monkeypatch: Any, run: Run) -> None:
     write(photograph[:96, :96])
-    monkeypatch.setattr(tiles, "_LARGE", 1000)
+    monkeypatch.setattr(tiles, "MOST_IN_MEMORY", 1000)
     for options in (["--components"], ["--averaging", "2"], ["--superpixels"], ["-k", "auto"]):
         option = "-k auto" if "auto" in options else options[0]
         said = run("segment", "a.tif", "-k", 4, "-o", "b.tif", *options).err
