@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +15,11 @@ from cvtimg._shared.checks import (
     check_choice,
     check_colors,
     check_count,
-    check_image,
     check_non_negative,
     check_positive,
-    check_within,
 )
 from cvtimg._shared.choices import EffortName, Row, SpaceName
-from cvtimg._shared.pixels import peak
+from cvtimg._shared.pixels import peak, white_of
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
@@ -37,12 +35,14 @@ from cvtimg.artwork.tilings import (
     paint,
     place_corners,
 )
-from cvtimg.colors.spaces import from_space, to_depth, to_space
+from cvtimg.artwork.tones import Picture, picture_of
+from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import encode_image, image_suffixes, write_image
+from cvtimg.pictures.showing import shown
 from cvtimg.placement import pixel_labels, place_generators
 from cvtimg.placement.cells import Polygons, picture_cells
 
@@ -54,8 +54,6 @@ _UNIFORM = {"cells": (0.05, 10.0), "triangles": (0.02, 10.0)}
 _FEW = 64
 #: Part of the time until the descent starts.
 _STARTED = 0.2
-#: Largest value of floating point images.
-_LARGEST = 1e15
 SHAPES = tuple(_UNIFORM)
 #: Parts of a pixel of a drawing, each way, and the most parts of a whole drawing.
 _FINE, _MOST_PARTS = 3, 1 << 26
@@ -98,6 +96,8 @@ class Mosaic(ReadOnly):
     psnr : float
         Peak signal-to-noise ratio of `image`, in decibels; infinite if it equals the image. Of images with alpha, over
         the pixels that are seen of either, in the mean of how they look on black and on white.
+    limits : (float, float)
+        Values that are drawn as black and as white.
     """
 
     points: Floats
@@ -107,6 +107,7 @@ class Mosaic(ReadOnly):
     energy: float
     energies: tuple[float, ...]
     psnr: float
+    limits: tuple[float, float]
 
     def _claims(self) -> Claims:
         yield "labels are those of tiles", (self.labels >= 0) & (self.labels < len(self.colors))
@@ -178,8 +179,7 @@ class Mosaic(ReadOnly):
         """Return the colors of tiles as (K, 3) or (K, 4) samples of 8 bits."""
         n_channels = self.colors.shape[1]
         check_channels("a mosaic", n_channels, (1, 2, 3, 4), "to have colors to draw")
-        colors = to_depth(self.colors, np.dtype(np.uint8))
-        return np.repeat(colors, [3, 1][:n_channels], axis=1) if n_channels < 3 else colors
+        return shown(self.colors, self.limits)
 
     def _seen(self) -> Iterator[tuple[int, Floats, Bytes]]:
         """Yield the number, corners and color of each tile that is not clear."""
@@ -245,15 +245,17 @@ def mosaic(
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        uint8, uint16 or floating point. Of 2 or 4 channels the last is alpha; if it is nowhere between clear and
-        opaque, tiles are the one or the other, by which most of their pixels are.
+        Of 2 or 4 channels the last is alpha; if it is nowhere between clear and opaque, tiles are the one or the
+        other, by which most of their pixels are. Integers have white at 255, or at 65535 if they are 16-bit or do not
+        fit into 8 bits, and floating point at 1. Measurements, which leave this range or would be nearly black, are
+        taken in the range that they fill, with a warning; only colors of tiles have their own unit. NaN and masked
+        values are clear.
     n_cells : int
         Number of tiles, in 1..pixels; of triangles 2 or more, and not more than pixels.
     shape : {"cells", "triangles"}
         Voronoi cells, or triangles ("low poly").
     space : {"rgb", "linear", "lab", "oklab"}
-        Color space in which colors are averaged and errors are measured. Floating point images must be in 0..1
-        except for "rgb".
+        Color space in which colors are averaged and errors are measured.
     palette : int or (P, C) array, optional
         Number of colors that tiles may have, found by their energy, or the colors themselves. Alpha is not restricted.
     effort : {"fast", "balanced", "best"}
@@ -281,14 +283,12 @@ def mosaic(
     """
     check_choice("shape", shape, SHAPES)
     check_choice("effort", effort, _STEPS)
-    samples = check_image("image", image)
-    samples = samples.reshape(*samples.shape[:2], -1)
-    if samples.dtype.kind == "f":
-        check_within("image", samples, -_LARGEST, _LARGEST, ", for errors to be computed in single precision")
-    height, width = samples.shape[:2]
+    picture = _with_clear(picture_of(image))
+    height, width = picture.samples.shape[:2]
     check_count("n_cells", n_cells, height * width, "the number of pixels")
     least = 2 if shape == "triangles" else 1
     check_at_least("n_cells", n_cells, least, "because a rectangle has at least two triangles")
+    samples = picture.samples if picture.of_shades else picture.shares()
     bands, has_alpha = _bands(samples, space)
     ends = [
         _descended(bands, n_cells, shape, uniform, _STEPS[effort], callback or (lambda step, energy: None))
@@ -300,29 +300,50 @@ def mosaic(
     middles = points if triangles is None else points[triangles].mean(axis=1)
     is_sharp = has_alpha and bool(np.isin(samples[..., -1], (0, peak(samples.dtype))).all())
     colors = _colors(_means(painted, bands, middles), space, samples.dtype, has_alpha, is_sharp)
+    unit = _unit(samples.dtype, space)
+    if not picture.of_shades:
+        colors, unit = _in_own_unit(colors, picture), np.ptp(picture.limits) if space == "rgb" else unit
     if palette is not None:
         colors = _restricted(colors, painted.areas, palette, has_alpha)
-    squared = _unit(samples.dtype, space) ** 2
-    history = tuple(squared * energy for energy in energies)
-    psnr = _psnr(colors[painted.labels], samples, has_alpha)
-    return Mosaic(points, colors, painted.labels, triangles, squared * painted.energy, history, psnr)
+    history = tuple(float(unit**2 * energy) for energy in energies)
+    drawn = replace(picture, samples=colors[np.newaxis]).shares()[0]
+    psnr = _psnr(drawn[painted.labels], picture.shares(), has_alpha)
+    energy = float(unit**2 * painted.energy)
+    return Mosaic(points, colors, painted.labels, triangles, energy, history, psnr, picture.limits)
 
 
-def _psnr(drawn: Array, samples: Array, has_alpha: bool) -> float:
-    """Compare (H, W, C) images where anything is seen; of those with alpha, as they look on black and on white."""
-    white = peak(samples.dtype)
-    pair = drawn.astype(np.float32), samples.astype(np.float32)
+def _with_clear(picture: Picture) -> Picture:
+    """Make pixels without data clear."""
+    if picture.known is None:
+        return picture
+    samples, n_colors = picture.samples, picture.n_colors
+    check_channels("an image", samples.shape[2], (1, 2, 3, 4), "where pixels have no data")
+    alpha = samples[..., -1] if n_colors < samples.shape[2] else white_of(samples.dtype)
+    return replace(picture, samples=np.dstack([samples[..., :n_colors], alpha * picture.known]), known=None)
+
+
+def _in_own_unit(colors: Array, picture: Picture) -> Array:
+    """Bring shares of the range of measurements, (K, C), back to their unit and type; alpha to its own."""
+    (low, high), dtype = picture.limits, picture.samples.dtype
+    scaled = colors.astype(np.float64)
+    scaled[:, : picture.n_colors] = low + scaled[:, : picture.n_colors] * (high - low)
+    scaled[:, picture.n_colors :] *= peak(dtype)
+    return from_space(scaled, "rgb", dtype)
+
+
+def _psnr(drawn: Floats32, image: Floats32, has_alpha: bool) -> float:
+    """Compare shares of white, (H, W, C), where anything is seen; those with alpha as they look on black and white."""
     if not has_alpha:
-        error = float(np.mean((pair[0] - pair[1]) ** 2, dtype=np.float64))
+        error = float(np.mean((drawn - image) ** 2, dtype=np.float64))
     else:
-        seen = (drawn[..., -1] > 0) | (samples[..., -1] > 0)
+        seen = (drawn[..., -1] > 0) | (image[..., -1] > 0)
         if not seen.any():
             return np.inf
-        pixels = [image[seen] for image in pair]
-        inks, alphas = zip(*((each[:, :-1] * (each[:, -1:] / white), each[:, -1:]) for each in pixels), strict=True)
+        pixels = drawn[seen], image[seen]
+        inks, alphas = zip(*((each[:, :-1] * each[:, -1:], each[:, -1:]) for each in pixels), strict=True)
         on_black, clearer = inks[0] - inks[1], alphas[1] - alphas[0]
         error = float(np.mean((on_black**2 + (on_black + clearer) ** 2) / 2, dtype=np.float64))
-    return float(10 * np.log10(white**2 / error)) if error else np.inf
+    return float(-10 * np.log10(error)) if error else np.inf
 
 
 def _descended(
@@ -349,7 +370,7 @@ def _bands(samples: Array, space: SpaceName) -> tuple[Floats32, bool]:
     colors = np.ascontiguousarray(rows[:, : rows.shape[1] - has_alpha])
     bands = (to_space(colors, space) / _unit(samples.dtype, space)).astype(np.float32)
     if has_alpha:
-        opacity = rows[:, -1:] / np.float32(peak(samples.dtype))
+        opacity = (rows[:, -1:] / peak(samples.dtype)).astype(np.float32)
         # Alpha counts as much as white does.
         bands = np.concatenate([bands * opacity, opacity * _white(space)], axis=1)
     return np.ascontiguousarray(bands.reshape(*samples.shape[:2], -1)), has_alpha

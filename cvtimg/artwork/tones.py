@@ -6,16 +6,18 @@ its light. Paper is whatever is white, transparent or masked.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
 
-from cvtimg._shared.checks import check_channels, check_image, check_within
-from cvtimg._shared.pixels import array_of, peak
-from cvtimg._shared.types import Array, Bytes, Floats, Floats32, ImageLike
+from cvtimg._shared.checks import check_channels, check_image, check_in_range
+from cvtimg._shared.messages import warn
+from cvtimg._shared.pixels import are_shades, array_of, peak
+from cvtimg._shared.types import Array, Bools, Bytes, Floats, Floats32, ImageLike
 from cvtimg.colors.spaces import to_space
+from cvtimg.pictures.showing import limits_to_show
 
 #: Luminance of linear sRGB, Rec. ITU-R BT.709.
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -41,49 +43,88 @@ class LightDrawing:
     steepest: float = 2.0  # power that thins the ink
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """An image to draw."""
+
+    samples: Array  # (H, W, C)
+    limits: tuple[float, float]  # values of black and white
+    known: Bools | None  # (H, W) pixels that have data, None for all
+
+    @property
+    def n_colors(self) -> int:
+        """Channels without alpha, which is the last of 2 or 4."""
+        n_channels = self.samples.shape[2]
+        return n_channels - (n_channels in (2, 4))
+
+    @property
+    def of_shades(self) -> bool:
+        """Whether black and white are those of the type."""
+        return self.limits == (0, peak(self.samples.dtype))
+
+    def shares(self) -> Floats32:
+        """Return the samples as floating point, black 0 and white 1; alpha is in 0..1 as well."""
+        if self.of_shades:
+            return np.divide(self.samples, np.float32(self.limits[1]), dtype=np.float32)
+        low, high = self.limits
+        shares = (self.samples.astype(np.float64) - low) / (high - low or 1.0)
+        if self.n_colors < shares.shape[2]:
+            shares[..., -1] = self.samples[..., -1] / peak(self.samples.dtype)
+        return shares.astype(np.float32)
+
+
+def picture_of(image: Any) -> Picture:
+    """Check an image to draw; integers of more than 16 bits and signed ones that fit become 8 or 16 bits.
+
+    Measurements, which are no shades of a screen, have black and white at the ends of the range that they fill, with a
+    warning. NaN, infinity and masked values are no data.
+    """
+    array, known = array_of(np.ma.filled(image, 0) if np.ma.isMaskedArray(image) else image), None
+    unknown = np.ma.getmask(image) | (~np.isfinite(array) if array.dtype.kind == "f" else np.False_)
+    if np.any(unknown):
+        array, known = np.where(unknown, 0, array), ~unknown.any(axis=tuple(range(2, array.ndim)))
+    samples = _narrowed(check_image("image", array))
+    samples = samples.reshape(*samples.shape[:2], -1)
+    picture = Picture(samples, (0.0, peak(samples.dtype)), known)
+    colors = samples[..., : picture.n_colors]
+    seen = colors if known is None else colors[known]
+    if are_shades(seen) or not seen.any():
+        return picture
+    low, high = limits_to_show([seen.reshape(-1, seen.shape[-1])])
+    check_in_range("the range of image", high - low, bool(np.isfinite(high - low)), "finite")
+    warn("measurements, not shades of a screen: black and white are the ends of the range that they fill")
+    return replace(picture, limits=(low, high))
+
+
 def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
     """Decode an image to linear light.
 
-    Integers have white at 255, or at 65535 if they are 16-bit or do not fit into 8 bits; floating point is in 0..1. Of
-    2 or 4 channels the last is alpha; masked values are paper. Return the light, (H, W, 1) or (H, W, 3) in 0..1, and
-    the opacity (H, W) in 0..1, None if nothing is transparent or masked.
+    Return the light, (H, W, 1) or (H, W, 3) in 0..1, and the opacity (H, W) in 0..1, None if nothing is transparent or
+    without data.
     """
-    mask = np.ma.getmask(image)
-    samples = _as_samples(image)
-    n_channels = samples.shape[2]
-    check_channels("image", n_channels, (1, 2, 3, 4), "gray or RGB, perhaps with alpha")
-    n_colors = n_channels - (n_channels in (2, 4))
-    if samples.dtype.kind == "u":
+    picture = picture_of(image)
+    samples, n_colors = picture.samples, picture.n_colors
+    check_channels("image", samples.shape[2], (1, 2, 3, 4), "gray or RGB, perhaps with alpha")
+    if samples.dtype.kind == "u" and picture.of_shades:
         levels = np.arange(int(peak(samples.dtype)) + 1, dtype=samples.dtype)
         light = to_space(levels[:, np.newaxis], "linear").astype(np.float32)[samples[:, :, :n_colors], 0]
     else:  # by rows, for the sake of memory
-        light = np.stack([to_space(row[:, :n_colors], "linear").astype(np.float32) for row in samples])
-    opaque = samples[:, :, -1] / peak(samples.dtype) if n_colors < n_channels else None
+        rows = (replace(picture, samples=row).shares()[..., :n_colors].clip(0, 1) for row in samples[:, np.newaxis])
+        light = np.stack([to_space(row[0], "linear").astype(np.float32) for row in rows])
+    opaque = samples[:, :, -1] / peak(samples.dtype) if n_colors < samples.shape[2] else None
     opacity = None if opaque is None else opaque.astype(np.float32)
-    if mask is not np.ma.nomask:
-        known = (~(mask if mask.ndim == 2 else mask.any(axis=2))).astype(np.float32)
+    if picture.known is not None:
+        known = picture.known.astype(np.float32)
         opacity = known if opacity is None else opacity * known
     return light, opacity
 
 
-def _as_samples(image: ImageLike) -> Array:
-    """Return (H, W, C) samples of uint8, uint16, or floating point in 0..1."""
-    plain = np.ma.filled(image, 0) if np.ma.isMaskedArray(image) else image
-    samples = check_image("image", plain if hasattr(plain, "mode") else _narrowed(array_of(plain)))
-    if samples.dtype.kind == "f":
-        check_within("image", samples, 0, 1, ", as floating point samples")
-    return samples.reshape(*samples.shape[:2], -1)
-
-
-def _narrowed(array: Array) -> Array:
-    """Bring booleans and integers to 8 or 16 bits, in the byte order of the machine."""
-    kind, n_bytes = array.dtype.kind, array.dtype.itemsize
-    if kind == "b":
-        return array * np.uint8(255)
-    if kind in "iu" and array.size and (kind == "i" or n_bytes > 2):
-        check_within("image", array, 0, 65535)
-        return array.astype(np.uint8 if array.max() <= 255 else np.uint16)
-    return array.astype(array.dtype.newbyteorder("="), copy=False)
+def _narrowed(samples: Array) -> Array:
+    """Bring integers that are wide or signed to 8 or 16 bits if they fit."""
+    kind, n_bytes = samples.dtype.kind, samples.dtype.itemsize
+    if kind in "iu" and (kind == "i" or n_bytes > 2) and samples.min() >= 0 and samples.max() <= 65535:
+        return samples.astype(np.uint8 if samples.max() <= 255 else np.uint16)
+    return samples
 
 
 def luminance(light: Floats32) -> Floats32:

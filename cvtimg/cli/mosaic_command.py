@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cvtimg.batch import Row, Stopwatch, Task
-from cvtimg.cli.running import Todo, plan_of, planned, read_shades
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -30,7 +30,7 @@ def mosaic(given: Given) -> Todo:
 def _mosaic(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import cvtimg
 
-    image = read_shades(task.source)
+    image = cvtimg.read_image(task.source)
     stopwatch.lap("read")
     result = cvtimg.mosaic(image, **given.arguments)
     stopwatch.lap("mosaic")

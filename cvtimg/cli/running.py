@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from cvtimg._shared.choices import Options
 from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_each, plan_one, run
@@ -15,9 +15,6 @@ from cvtimg.batch.pipes import is_standard
 from cvtimg.batch.plans import Outputs, Pattern
 from cvtimg.options.common import READING
 from cvtimg.options.record import Given
-
-if TYPE_CHECKING:
-    from cvtimg._shared.types import Array
 
 #: What is left to do when a command line is read: what runs its plan, and returns the exit status.
 Todo: TypeAlias = Callable[[], int]
@@ -116,26 +113,6 @@ def _as_asked(notes: list[str], *, given: Given) -> Iterator[None]:
                 raise
             raise ValueError(text) from error
     notes += dict.fromkeys(given.worded(str(warning.message)) for warning in caught)
-
-
-def read_shades(path: Path) -> Array:
-    """Read an image to draw: measurements are stretched to the range that they fill, and no data is transparent."""
-    import numpy as np
-
-    from cvtimg import read_image
-    from cvtimg._shared.messages import warn
-    from cvtimg._shared.pixels import are_shades
-    from cvtimg.pictures.showing import natural_limits, shown
-
-    image = read_image(path)
-    known, stretched = np.isfinite(image), not are_shades(image)
-    if stretched:
-        warn("measurements, not shades of a screen: black and white are the ends of the range that they fill")
-    elif known.all():
-        return image
-    bands, known = (array.reshape(*image.shape[:2], -1) for array in (image, known))
-    colors = shown(bands, natural_limits(bands))[..., :3]
-    return colors if known.all() else np.dstack([colors, np.uint8(255) * known.all(axis=2)])
 
 
 def selected(given: Given) -> ExitStack:

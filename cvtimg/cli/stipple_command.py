@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned, read_shades
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -38,7 +38,7 @@ def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import cvtimg
     from cvtimg.artwork.papers import Sheet
 
-    image = read_shades(task.source)
+    image = cvtimg.read_image(task.source)
     stopwatch.lap("read")
     names = ("width", "height", "paper", "landscape", "margin")
     fitted = {name: getattr(given, name) for name in names}

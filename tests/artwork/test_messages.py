@@ -30,7 +30,7 @@ def dotted(n_dots: int | None = 9, **options: Any) -> Callable[[], Any]:
         (tiled(0), "n_cells=0 must be in 1..4"),
         (tiled(1, shape="triangles"), "n_cells=1 must be an integer >= 2"),
         (tiled(2, palette=[[1, 2, 3]]), "palette of 3 channels must have 1"),
-        (lambda: mosaic(np.linspace(0, 1e300, 64).reshape(8, 8), 3), r"image in 0\.\.1e\+300 must be in"),
+        (lambda: mosaic(1e308 * np.array([[-1, 1]]), 1), "the range of image=inf must be finite"),
         (dotted(0), "n_dots=0 must be in 1.."),
         (dotted(max_ink=0), "max_ink=0 must be > 0"),
         (dotted(white_cutoff=-1), "white_cutoff=-1 must be in 0..1"),
@@ -48,7 +48,6 @@ def dotted(n_dots: int | None = 9, **options: Any) -> Callable[[], Any]:
             for each in (DOTS, TILES)
             for scale in (0.0, -1.0, np.nan)
         ),
-        (lambda: linear_light(np.array([[2.0]])), "must be in 0..1"),
         (lambda: linear_light(np.zeros((2, 2, 5), np.uint8)), "of 5 channels must have 1, 2, 3 or 4"),
         *((lambda points=points: find_tour(points), "points") for points in ([[0, 1, 2]], [[np.nan, 0]], [])),
     ],

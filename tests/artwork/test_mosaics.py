@@ -16,6 +16,7 @@ from skimage.segmentation import slic
 
 import cvtimg
 from cvtimg import mosaic, read_image
+from cvtimg._shared.pixels import peak
 from cvtimg.artwork import tilings
 from cvtimg.artwork.tilings import DelaunayTiling, Painted, VoronoiTiling, division_gains, paint, removal_costs
 
@@ -91,7 +92,7 @@ def test_the_gradient_is_what_differences_of_the_error_tell(shape: str) -> None:
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float64])
 def test_mosaics_are_of_the_type_of_the_image(dtype: type) -> None:
-    assert mosaic((PHOTO / 255).astype(dtype), 9, effort="fast").image.dtype == dtype
+    assert mosaic((PHOTO / 255 * peak(np.dtype(dtype))).astype(dtype), 9, effort="fast").image.dtype == dtype
 
 
 def test_gray_stays_gray_and_alpha_stays_alpha() -> None:

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from commands import RowOf
 
-from cvtimg import read_image, write_image
-from cvtimg._shared.types import Array
+from cvtimg import mosaic, read_image, write_image
 
 RAMP = np.tile(np.linspace(0, 255, 80).astype(np.uint8), (50, 1))
 
@@ -59,15 +58,14 @@ def test_mosaic_is_written_as_pixels_and_polygons(picture: Path, row_of: RowOf) 
 
 
 @pytest.mark.parametrize("verb", ["stipple", "mosaic"])
-@pytest.mark.parametrize("values", [RAMP * np.uint16(16), RAMP * np.float32(-1e-5), RAMP.astype(np.int32) - 90])
-def test_measurements_are_drawn_as_in_the_range_that_they_fill(
-    values: Array, verb: str, tmp_path: Path, row_of: RowOf
-) -> None:
-    np.save(tmp_path / "measured.npy", values)
-    for name, more in (("alone.svg", []), ("stretched.svg", ["--composite", "white"])):
-        told = row_of(verb, tmp_path / "measured.npy", "-n", 40, "-o", tmp_path / name, *more)
-        assert ("measurements" in told.get("warning", "")) == (not more)
-    assert (tmp_path / "alone.svg").read_bytes() == (tmp_path / "stretched.svg").read_bytes()
+def test_measurements_are_drawn_in_the_range_that_they_fill(verb: str, tmp_path: Path, row_of: RowOf) -> None:
+    drawings = []
+    for values in (RAMP - np.float32(128), RAMP * np.float32(2**-20), RAMP * 2.0**40 - 2.0**44):
+        np.save(tmp_path / "measured.npy", values)
+        told = row_of(verb, tmp_path / "measured.npy", "-n", 40, "-o", tmp_path / "a.svg", "--overwrite")
+        assert "measurements" in told["warning"]
+        drawings.append((tmp_path / "a.svg").read_bytes())
+    assert len(set(drawings)) == 1
 
 
 def test_pixels_without_data_stay_paper(tmp_path: Path, row_of: RowOf) -> None:
@@ -77,3 +75,14 @@ def test_pixels_without_data_stay_paper(tmp_path: Path, row_of: RowOf) -> None:
     row_of("stipple", tmp_path / "holes.npy", "-n", 50, "-o", tmp_path / "dots.csv")
     with (tmp_path / "dots.csv").open() as file:
         assert min(float(line["x"]) for line in csv.DictReader(file)) >= 40
+
+
+def test_tiles_of_measurements_have_their_unit_and_those_without_data_are_clear() -> None:
+    heights = np.where(np.arange(60) < 30, 1e6, 1e6 + 2.0) + np.zeros((40, 1))
+    heights[:, 50:] = np.nan
+    with pytest.warns(UserWarning, match="measurements"):
+        tiles = mosaic(heights, 12)
+    seen = tiles.colors[tiles.colors[:, 1] > 0]
+    assert np.abs(np.unique(seen[:, 0])[[0, -1]] - [1e6, 1e6 + 2]).max() < 0.1
+    assert not tiles.image[:, 52:, 1].any()
+    assert np.ptp(tiles.draw()[:, :48, 0].astype(int)) == 255
