@@ -7,12 +7,14 @@ those above and below on the left and on the right.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from cvtimg._shared.threads import of_each
-from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg._shared.threads import in_stripes, of_each
+from cvtimg._shared.types import Array, Bools, Floats, Floats32
 from cvtimg.restoration.versions import Versions, fill
 
 #: Chance that what is there by itself seems to be impulses.
@@ -53,8 +55,7 @@ def without_defects(versions: Versions) -> tuple[Versions, Defects]:
     def mend(number: int) -> None:
         given, inside = versions.stack[number], versions.known[:, :, number]
         bands = np.where(inside[:, :, None], given, np.float32(np.nan)).astype(np.float32)
-        around = _around(bands)
-        hits = [hit for hit in (_impulses(bands, around, inside), _lone(bands, around)) if hit is not None]
+        hits = [hit for hit in (_impulses(bands, inside), _lone(bands)) if hit is not None]
         if hits:
             known[:, :, number] &= ~np.any(hits, axis=0)
             defects.impulses[number] = 1 - np.count_nonzero(known[:, :, number]) / np.count_nonzero(inside)
@@ -74,7 +75,7 @@ def without_defects(versions: Versions) -> tuple[Versions, Defects]:
 # --- impulses
 
 
-def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
+def _impulses(bands: Floats32, known: Bools) -> Bools | None:
     """(H, W) impulses at the ends of the levels of each band of a version, (H, W, C); None without evidence."""
     from scipy.stats import binom
 
@@ -82,10 +83,15 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
     if np.all(black == white):
         return None
     ends, hits = (bands == black, bands == white), np.zeros(known.shape, np.bool_)
-    is_between = np.isfinite(around) & (around != black) & (around != white)
-    low = np.min(around, axis=0, initial=np.inf, where=is_between)
-    high = np.max(around, axis=0, initial=-np.inf, where=is_between)
-    judged = is_between.sum(axis=0) >= _BETWEEN
+
+    def surroundings(around: Floats32) -> tuple[Array, ...]:
+        is_between = np.isfinite(around) & (around != black) & (around != white)
+        low = np.min(around, axis=0, initial=np.inf, where=is_between)
+        high = np.max(around, axis=0, initial=-np.inf, where=is_between)
+        same = ((around == level).sum(axis=0, dtype=np.uint8) for level in (black, white))
+        return low, high, is_between.sum(axis=0) >= _BETWEEN, np.isfinite(around).all(axis=0), *same
+
+    low, high, judged, is_whole, *n_same = _of_neighbors(surroundings, bands)
     apart = np.where(judged, np.maximum(bands - high, low - bands), np.float32(-1))
     around_by = np.maximum(high - low, (white - black) / np.float32(256))
     inside = judged & ~ends[0] & ~ends[1]
@@ -98,12 +104,11 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
         return None
     least = 1.5 * quiet  # three of them
     # Where noise is cut off at the other end, that is what is around.
-    apart = np.where(judged, apart, np.abs(bands - np.where(ends[0], white, black)) * np.isfinite(around).all(axis=0))
-    for end, level, n in zip(ends, (black, white), counts, strict=True):
+    apart = np.where(judged, apart, np.abs(bands - np.where(ends[0], white, black)) * is_whole)
+    for end, around, n in zip(ends, n_same, counts, strict=True):
         # More neighbors at the same end than chance puts there: what is there is true.
         share = min(2 * n / end.size, 0.5)
-        same = (around == level).sum(axis=0) <= binom.isf(_CHANCE, 8, share)
-        hits |= (end & same & (apart > least) & (n > 0)).any(axis=2)
+        hits |= (end & (around <= binom.isf(_CHANCE, 8, share)) & (apart > least) & (n > 0)).any(axis=2)
     return hits
 
 
@@ -136,11 +141,12 @@ def _are_impulses(alone: Bools, end: Bools, n_others: np.integer | int) -> bool:
     return bool(near <= _NEAR * 24 * ends.mean())
 
 
-def _lone(bands: Floats32, around: Floats32) -> Bools | None:
+def _lone(bands: Floats32) -> Bools | None:
     """(H, W) hot and dead pixels of any level: they stand out from all around them as no light does through a lens."""
     from scipy.stats import binom
 
-    low, high = np.min(around, axis=0), np.max(around, axis=0)  # NaN at the border and beside what is unknown
+    # NaN at the border and beside what is unknown.
+    low, high = _of_neighbors(lambda around: (np.min(around, axis=0), np.max(around, axis=0)), bands)
     spread, hits = high - low, np.zeros(bands.shape[:2], np.bool_)
     if not np.isfinite(spread).any() or (usual := np.nanquantile(spread, _QUIET)) == 0:
         return None  # drawn: any dot is true
@@ -152,9 +158,7 @@ def _lone(bands: Floats32, around: Floats32) -> Bools | None:
         if binom.sf(n - 1, np.count_nonzero(out), _RARELY) < _CHANCE and _vary(apart[apart > spread + step]):
             hits, are_many = hits | lone, True
     for _ in range(_ROUNDS if are_many else 0):  # those that are left, also two beside each other
-        rest = np.sort(_around(np.where(hits[:, :, None], np.float32(np.nan), bands)), axis=0)  # NaN last
-        n_known = np.isfinite(rest).sum(axis=0)
-        low, high = rest[1], np.take_along_axis(rest, np.maximum(n_known - 2, 0)[None], axis=0)[0]
+        low, high, n_known = _of_neighbors(_seconds, np.where(hits[:, :, None], np.float32(np.nan), bands))
         apart = np.where(n_known >= _BETWEEN, np.maximum(bands - high, low - bands), 0)
         hits |= (apart > _FAR * (high - low + step)).any(axis=2)
     return hits if hits.any() else None
@@ -166,12 +170,22 @@ def _vary(heights: Floats32) -> bool:
     return bool(most > 2 * some)
 
 
-def _around(bands: Floats32) -> Floats32:
-    """(8, H, W, C) neighbors of each pixel; NaN outside."""
-    height, width = bands.shape[:2]
+def _seconds(around: Floats32) -> tuple[Array, ...]:
+    """(H, W, C) the second lowest and the second highest of the neighbors, (8, H, W, C), and how many are known."""
+    rest = np.sort(around, axis=0)  # NaN last
+    n_known = np.isfinite(rest).sum(axis=0, dtype=np.intp)
+    return rest[1], np.take_along_axis(rest, np.maximum(n_known - 2, 0)[None], axis=0)[0], n_known
+
+
+def _of_neighbors(tell: Callable[[Floats32], tuple[Array, ...]], bands: Floats32) -> list[Any]:
+    """(H, W, C) arrays that `tell` makes of the neighbors, (8, h, W, C), NaN outside, of the pixels of a few rows."""
     padded = np.pad(bands, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     steps = [(dy, dx) for dy in range(3) for dx in range(3) if (dy, dx) != (1, 1)]
-    return np.stack([padded[dy : dy + height, dx : dx + width] for dy, dx in steps])
+
+    def told(rows: slice) -> tuple[Array, ...]:
+        return tell(np.stack([padded[rows.start + dy : rows.stop + dy, dx:][:, : bands.shape[1]] for dy, dx in steps]))
+
+    return [np.concatenate(parts) for parts in zip(*in_stripes(told, len(bands), 100.0 * bands.size), strict=True)]
 
 
 # --- stripes
