@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 import shapely
 from scipy.optimize import linear_sum_assignment
 
@@ -112,12 +113,19 @@ def edge_weighted_energy(
 
 def at_threads(make: Callable[[], Any]) -> list[Any]:
     """Make something with one thread, and again with three."""
-    before, found = n_threads(), []
-    for number in (1, 3):
-        limit_threads(number)
-        found.append(make())
-    limit_threads(before)
-    return found
+    before, results = n_threads(), []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cvtimg._shared.threads._TO_HAND_OVER", 1e-6)  # also small parts are handed over
+        for number in (1, 3):
+            limit_threads(number)
+            results.append(make())
+        limit_threads(before)
+    return results
+
+
+def of_three_threads(result: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function that computes a result in three threads."""
+    return lambda given: at_threads(lambda: result(given))[1]
 
 
 def shoelace(corners: Array) -> float:

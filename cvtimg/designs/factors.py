@@ -83,18 +83,18 @@ class Factor:
 
     def at(self, units: ArrayLike) -> Floats:
         """Return the points of 0..1 along the axis in its units."""
-        share = np.asarray(units, np.float64)
+        share, low, high = np.asarray(units, np.float64), float(self.low), float(self.high)
         if self.log:
-            return np.clip(np.exp((1 - share) * np.log(self.low) + share * np.log(self.high)), self.low, self.high)
-        return self.low + share * (self.high - self.low)
+            return np.clip(np.exp((1 - share) * np.log(low) + share * np.log(high)), low, high)
+        return low + share * (high - low)
 
     def unit_of(self, points: ArrayLike) -> Floats:
         """Return where points of the axis are in 0..1; the inverse of `at`, NaN or beyond 0..1 outside of the range."""
-        points = np.asarray(points, np.float64)
+        points, low, high = np.asarray(points, np.float64), float(self.low), float(self.high)
         if self.log:
             with np.errstate(invalid="ignore", divide="ignore"):
-                return (np.log(points) - np.log(self.low)) / (np.log(self.high) - np.log(self.low))
-        return (points - self.low) / (self.high - self.low)
+                return (np.log(points) - np.log(low)) / (np.log(high) - np.log(low))
+        return (points - low) / (high - low)
 
     def numbers(self, places: Floats) -> Floats:
         """Return the numbers at places (n,) of an axis that is no category."""

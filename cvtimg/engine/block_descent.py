@@ -150,7 +150,8 @@ def descend(
 
     def measure() -> float:
         nonlocal moments
-        checkpoint.save(generators, known)
+        if not conditions.watch.stopped:  # a search that was stopped is to be done again
+            checkpoint.save(generators, known)
         # Whole places give sums of integers that are exact, and so the same for any blocks.
         whole = _whole(blocks, generators)
         moments = over_blocks(blocks, _moments_of_block, _total, generators, whole, frame)

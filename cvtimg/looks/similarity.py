@@ -140,9 +140,10 @@ def content_quality(original: Array, image: Array) -> float:
 
     `visual_quality` is a mean over all pixels, so an empty canvas hides what befalls a small logo on it. Here errors
     are divided by the pixels near which the original is not of one color (in a window of 11 x 11 pixels, the reach of
-    the measure, at each of its scales): a wider canvas does not change the quality. Pixels of images of less than 128
-    pixels across, such as icons, are repeated until they have as many: of fewer scales the measure means little. Other
-    photographs without clipped areas have the same quality by both. This is what `cvtimg.quantize` aims at for eyes.
+    the measure, at each of its scales): a canvas that is 160 pixels wide, as windows reach at the coarsest scale, and
+    gets wider by multiples of 32, does not change the quality. Pixels of images of less than 128 pixels across, such
+    as icons, are repeated until they have as many: of fewer scales the measure means little. Other photographs without
+    clipped areas have the same quality by both. This is what `cvtimg.quantize` aims at for eyes.
 
     Parameters
     ----------

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference import at_threads
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 from skimage import data
@@ -38,13 +37,6 @@ def test_the_ink_of_dots_adds_up_to_the_tones(dots: str) -> None:
     assert np.pi * (result.radii**2).sum() == pytest.approx(coverage.sum(), rel=2e-3)
     assert result.masses.sum() == pytest.approx(coverage.sum(), rel=1e-5)
     assert tone_error(result, coverage) < {"equal": 0.04, "sized": 0.01}[dots]
-
-
-def test_threads_change_neither_dots_nor_their_tour(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cvtimg._shared.threads._TO_HAND_OVER", 1e-6)
-    one, three = at_threads(lambda: stipple(STRIPES, 2000))
-    for name in ("points", "masses", "order"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
 
 
 def test_light_stripes_beside_dark_ones_keep_their_tone() -> None:

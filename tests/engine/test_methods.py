@@ -15,7 +15,7 @@ from cvtimg._shared.types import Array, Floats, Ints64
 from cvtimg.colors import color_samples
 from cvtimg.engine import METHODS, SEEDINGS
 from cvtimg.engine.methods import Conditions, Iteration, Method, Probabilistic, Stopping, Watch
-from cvtimg.engine.methods.probabilistic import draw
+from cvtimg.engine.methods.probabilistic import draw, follow_draws
 from cvtimg.engine.points import Points, assign, cell_energies, pack
 
 DRAWING = {"macqueen": METHODS["macqueen"], "probabilistic": METHODS["probabilistic"]}
@@ -85,6 +85,20 @@ def test_macqueen_is_the_member_of_the_family_that_draws_one_point(cloud: Points
         np.testing.assert_allclose(one.generators, other.generators, rtol=1e-9)
         assert one.energies == pytest.approx(other.energies, rel=1e-9)
         assert one.energies[1] < one.energies[0]
+
+
+def test_generators_that_are_put_elsewhere_count_their_moves_anew(cloud: Points) -> None:
+    counted = []
+
+    def move(moving: Floats, counts: Floats, drawn: Ints64) -> None:
+        counted.append(counts.tolist())
+        counts += 5
+        moving[0] = 1e3  # where no point is near
+
+    follow_draws(cloud, cloud.rows()[:6], conditions(tolerance=0, most=2), 1, move)
+    assert counted[0] == [1] * 6
+    assert counted[1][0] == 1
+    assert sorted(counted[1]) == [1, 1, 6, 6, 6, 6]  # its cell is half of another one's
 
 
 def test_points_are_drawn_by_density_and_in_any_order(cloud: Points) -> None:

@@ -140,13 +140,12 @@ def write_with_profile(path: Path, image: NDArray[np.uint16], icc: bytes) -> Non
 # --- many bands, floating point
 
 
-@pytest.mark.parametrize("compression", [None, "zlib", "lzw", "zstd"])
 @pytest.mark.parametrize("planar", ["contig", "separate"])
 @pytest.mark.parametrize("tile", [None, (16, 16)])
-def test_bands_of_other_programs_are_read(tmp_path: Path, planar: str, compression: str | None, tile: Any) -> None:
+def test_bands_of_other_programs_are_read(tmp_path: Path, planar: str, tile: Any) -> None:
     stored = FLOATS if planar == "contig" else np.moveaxis(FLOATS, 2, 0)
     options: dict[str, Any] = {"photometric": "minisblack", "planarconfig": planar, "tile": tile}
-    tifffile.imwrite(tmp_path / "a.tif", stored, compression=compression, **options)
+    tifffile.imwrite(tmp_path / "a.tif", stored, **options)
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), FLOATS, strict=True)
     info = image_info(tmp_path / "a.tif")
     assert (info.height, info.width, info.format, info.mode, info.bits) == (5, 7, "TIFF", "float32", 32)

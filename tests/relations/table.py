@@ -15,19 +15,20 @@ BEGIN, END = "<!-- relations -->\n", "<!-- end of relations -->\n"
 
 
 def table() -> str:
-    """Return all relations in Markdown: a row for each verb, with how its input is changed and since when."""
+    """Return all relations in Markdown: a row for each verb and date, with how its input is changed since then."""
     from relations.relation import QUICK, WIDE  # which the path has been set for
 
-    rows: dict[str, dict[str, str]] = defaultdict(dict)
+    rows: dict[tuple[str, str], set[str]] = defaultdict(set)
     n_inputs = 0
     for path in sorted(HERE.glob("test_*.py")):
         for relation in getattr(import_module(f"relations.{path.stem}"), "RELATIONS", ()):
             change = re.sub(r", \w+_picture$", "", relation.change)  # whatever the picture
-            rows[relation.verb].setdefault(change, relation.since)
+            rows[relation.verb, relation.since].add(change)
             n_inputs += QUICK + WIDE
     lines = [f"{n_inputs:,} inputs are tried.", "", "| verb | what is changed in its input | since |", "|---|---|---|"]
-    for verb, changes in sorted(rows.items()):
-        lines.append(f"| `{verb}` | {'; '.join(sorted(changes))} | {min(changes.values())} |")
+    lines += [
+        f"| `{verb}` | {'; '.join(sorted(changes))} | {since} |" for (verb, since), changes in sorted(rows.items())
+    ]
     return "\n".join(lines) + "\n"
 
 

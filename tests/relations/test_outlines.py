@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import struct
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -14,6 +18,7 @@ from relations.remembering import remembered
 
 from cvtimg import mesh_region
 from cvtimg._shared.types import Array, Bools, Floats
+from cvtimg.cli.mesh_inputs import read_region
 from cvtimg.meshes import measure_triangles
 
 Points = Floats
@@ -81,6 +86,42 @@ def seams(halves: list[Points]) -> tuple[float, float, int]:
     return first, second, len(shapely.coverage_union_all(triangles).interiors)
 
 
+#: How a ring (N, 2) is written as it stands, open or closed, by the suffix of the file.
+FILES: dict[str, Callable[[Points], bytes]] = {
+    ".geojson": lambda ring: json.dumps({"type": "Polygon", "coordinates": [ring.tolist()]}).encode(),
+    ".wkt": lambda ring: f"POLYGON (({', '.join(f'{x!r} {y!r}' for x, y in ring.tolist())}))".encode(),
+    ".wkb": lambda ring: struct.pack("<BIII", 1, 3, 1, len(ring)) + ring.astype("<f8").tobytes(),
+}
+
+
+def left_open(suffix: str) -> Callable[[Points], Any]:
+    """Return what reads a file of outlines whose last point is the first but for rounding, as that of 2 pi is."""
+
+    def region(points: Points) -> Any:
+        with TemporaryDirectory() as folder:
+            path = Path(folder, f"a{suffix}")
+            path.write_bytes(FILES[suffix](np.concatenate([points, np.nextafter(points[:1], np.inf)])))
+            return read_region(path, "")
+
+    return region
+
+
+def least_angle(points: Points) -> float:
+    return mesh_region(points, effort="fast").measures().least_angle
+
+
+def least_angle_of_triangle(points: Points) -> float:
+    """Return the least angle of the mesh of Triangle, J. R. Shewchuk's, for no angle below 30 degrees."""
+    triangle = pytest.importorskip("triangle")
+    at = np.arange(len(points))
+    mesh = triangle.triangulate({"vertices": points, "segments": np.stack([at, np.roll(at, -1)], axis=1)}, "pq30")
+    return float(measure_triangles(mesh["vertices"], mesh["triangles"]).least_angles.min())
+
+
+def not_below(result: float, rival: float) -> None:
+    assert result >= rival
+
+
 RELATIONS = [
     Relation("mesh_region", "points doubled within rounding", smooth, figures, doubled, alike, since="2026-11-27"),
     Relation("mesh_region", "a crack and a spike", smooth, figures, cracked, alike, since="2026-11-27"),
@@ -89,6 +130,22 @@ RELATIONS = [
     ),
     Relation("mesh_region", "the other way around", smooth, figures, lambda p: p[::-1], alike, since="2026-11-27"),
     Relation("mesh_region", "gaps between parts", parts, seams, shaken, close(2e-5), since="2026-11-27"),
+    *(
+        Relation(
+            "mesh_region", f"a ring that is open, {suffix}", smooth, figures, left_open(suffix), alike, "2026-11-28"
+        )
+        for suffix in FILES
+    ),
+    Relation(
+        "mesh_region",
+        "Triangle's least angle",
+        smooth,
+        least_angle,
+        lambda points: points,
+        not_below,
+        since="2026-11-27",
+        rival=least_angle_of_triangle,
+    ),
 ]
 test_a_result_follows_its_input, test_a_result_follows_any_input = quick_and_wide(RELATIONS)
 
@@ -113,13 +170,3 @@ _meshed = remembered(lambda mask: mesh_region(mask, n=30, effort="fast").points)
 def test_a_mask_is_one_in_any_numbers(form: Callable[[Bools], Array]) -> None:
     disk = np.hypot(*(np.mgrid[:30, :40] - 14.6)) < 12
     assert (mesh_region(form(disk), n=30, effort="fast").points == _meshed(disk)).all()
-
-
-def test_clean_outlines_have_no_smaller_angle_than_triangle_gives_them() -> None:
-    triangle = pytest.importorskip("triangle")
-    for seed in range(4):
-        points = smooth(np.random.default_rng(seed))
-        at = np.arange(len(points))
-        made = triangle.triangulate({"vertices": points, "segments": np.stack([at, np.roll(at, -1)], axis=1)}, "pq30")
-        angles = measure_triangles(made["vertices"], made["triangles"]).least_angles
-        assert mesh_region(points, effort="fast").measures().least_angle >= angles.min()

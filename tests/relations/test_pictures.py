@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import PIL.Image
-from reference import same_partition
+from reference import of_three_threads, same_partition
 from relations.relation import Relation, close, equal, quick_and_wide
 from relations.remembering import remembered
 from skimage.filters import gaussian
@@ -147,6 +147,19 @@ RELATIONS = (
     + [
         Relation(verb, "hidden colors", with_holes, of_seen(result), noisy_below, follows, since="2026-11-28")
         for verb, (result, follows) in OF_HOLES.items()
+    ]
+    + [
+        Relation(
+            verb,
+            "three threads",
+            color_picture,
+            result,
+            lambda image: image,
+            equal,
+            since="2026-11-28",
+            rival=of_three_threads(result),
+        )
+        for verb, (result, _) in OF_HOLES.items()
     ]
     + [
         Relation(

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import PIL.Image
 import trimesh
-from relations.relation import Relation, not_above, quick_and_wide
+from reference import of_three_threads
+from relations.relation import Relation, equal, not_above, quick_and_wide
 from relations.test_pictures import color_picture
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
@@ -131,6 +132,12 @@ _RIVALS: list[tuple[str, str, Any, Any, Any]] = [
 RELATIONS = [
     Relation(verb, change, inputs, result, lambda given: given, not_above(), since="2026-11-28", rival=rival)
     for verb, change, inputs, result, rival in _RIVALS
+] + [
+    Relation(
+        verb, "three threads", cube, result, lambda given: given, equal, "2026-11-28", rival=of_three_threads(result)
+    )
+    for verb, _, inputs, result, _ in _RIVALS
+    if inputs is cube
 ]
 test_a_verb_is_not_worse_than_the_trivial_way, test_a_verb_is_never_worse_than_the_trivial_way = quick_and_wide(
     RELATIONS

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tifffile
 from numpy.typing import NDArray
 from relations.relation import Relation, quick_and_wide
 from relations.test_pictures import color_picture, gray_picture
@@ -81,6 +83,11 @@ def write_tiles(path: Path, image: Array) -> None:
     write_bands(path, Form(image.shape, image.dtype), [image])
 
 
+def write_packed(path: Path, image: Array, how: str) -> None:
+    """Write a TIFF as other programs do, in tiles."""
+    tifffile.imwrite(path, image, photometric="minisblack", planarconfig="contig", tile=(16, 16), compression=how)
+
+
 def read_tiles(path: Path) -> Array:
     return np.concatenate(list(open_bands(path)))
 
@@ -134,6 +141,15 @@ _FILES += [
     ("read_image", f"{suffix}, {name}", of_type(name), again(cvtimg.write_image, cvtimg.read_image, f"a{suffix}"))
     for suffix in (".tif", ".npy")
     for name in _TYPES
+]
+_FILES += [
+    (
+        "read_image",
+        f".tif by {how}",
+        of_type("float32"),
+        again(partial(write_packed, how=how), cvtimg.read_image, "a.tif"),
+    )
+    for how in ("zlib", "lzw", "zstd")
 ]
 _FILES += [
     ("segment_file", f"tiles of {suffix}, {name}", of_type(name), again(write_tiles, read_tiles, f"a{suffix}"))

@@ -2,11 +2,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from dask import array as da
-from reference import at_threads
+from reference import of_three_threads
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
 from sklearn.cluster import KMeans
 
@@ -82,6 +84,22 @@ def shares(rows: Rows, **how: Any) -> Rows:
     return energies / energies[0]
 
 
+def resumed(stops: Callable[[Path, int], bool]) -> Callable[[Rows], float]:
+    """Return what stops a tessellation of blocks, which is saved in a file from the descent on, and goes on."""
+
+    def energy_of(rows: Rows) -> float:
+        with TemporaryDirectory() as folder:
+            path = Path(folder, "a.npz")
+            energy(in_blocks(rows), checkpoint=path, callback=lambda step, _: stops(path, step))
+            return energy(in_blocks(rows), checkpoint=path)
+
+    return energy_of
+
+
+def of_blocks(rows: Rows) -> float:
+    return energy(in_blocks(rows))
+
+
 _CHANGES: list[tuple[str, Any, Any, Any, Any, Any]] = [
     ("an offset", clusters, energy, lambda rows: rows + 1e7, close(1e-6), None),
     ("a scale", clusters, energy, lambda rows: rows * 1024, times(2.0**20), None),
@@ -89,7 +107,7 @@ _CHANGES: list[tuple[str, Any, Any, Any, Any, Any]] = [
     ("weights of 1e200", clusters, energy, lambda rows: rows, close(1e-9), of_heavy),
     ("weights as repetition", clusters, partial(energy, density=TIMES), TAKEN_AS_OFTEN, close(1e-6), energy),
     ("another seed", clusters, energy, lambda rows: rows, close(1e-6), partial(energy, rng=7)),
-    ("three threads", tables, labels_of, lambda rows: rows, equal, lambda r: at_threads(lambda: labels_of(r))[1]),
+    ("three threads", tables, labels_of, lambda rows: rows, equal, of_three_threads(labels_of)),
     ("each row twice", clusters, energy, lambda rows: np.repeat(rows, 2, axis=0), times(2), None),
     ("a row at -9999", clusters, energy, with_far(-9999), close(1e-6), energy_of_six),
     ("50 rows at -99999", clusters, energy, with_far(-99999, 50), close(1e-6), energy_of_six),
@@ -130,6 +148,13 @@ RELATIONS = [
         rival=partial(shares, rng=7) if change == "another seed" else shares,
     )
     for change, changed in _OF_CURVES.items()
+]
+RELATIONS += [
+    Relation("tessellate", change, tables, of_blocks, lambda rows: rows, equal, "2026-11-28", rival=resumed(stops))
+    for change, stops in {
+        "stopped and resumed": lambda path, _: path.exists(),
+        "stopped in the search and resumed": lambda _, step: step > 0,
+    }.items()
 ]
 test_clusters_follow_their_rows, test_clusters_follow_any_rows = quick_and_wide(RELATIONS)
 

@@ -66,6 +66,12 @@ def same(back: Callable[[Image], Image]) -> Callable[[Any, Any], None]:
     return follows
 
 
+def with_empty_bands(image: Image) -> Image:
+    """Add bands of 0 until there are five; the last one of two or four would be an alpha."""
+    bands = image.reshape(*image.shape[:2], -1)
+    return np.pad(bands, ((0, 0), (0, 0), (0, 5 - bands.shape[2])))
+
+
 def energy(before: float, after: float) -> None:
     """Assert that energies are about the same: a rounding can lead the descent to another end."""
     np.testing.assert_allclose(after, before, rtol=0.1)
@@ -98,6 +104,7 @@ _CHANGES: list[tuple[str, Any, Callable[[Image], Image], Callable[[Any, Any], No
     ("in a wider frame that does not count", labels_of, lambda image: image, same(lambda labels: labels), of_padded),
     ("floats in 0..1", lambda a: labels_of(a)[0], lambda a: a / np.iinfo(a.dtype).max, equal, None),
     ("floats / 2^40", lambda a: segment(a.astype(float), "auto").n_segments, lambda a: a * 2.0**-40, close(0.3), None),
+    ("empty bands", lambda a: labels_of(a)[0], with_empty_bands, equal, None),
     ("an offset and a scale", in_variances, lambda a: 7 + a.astype(np.uint32) * np.uint32(1000), energy, None),
 ]
 

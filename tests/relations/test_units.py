@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 
 import cvtimg
 from cvtimg._shared.types import Floats
+from cvtimg.designs import Factor
 
 
 def star(rng: np.random.Generator) -> Polygon:
@@ -41,6 +42,20 @@ def unexplained(rows: Floats) -> float:
     return cvtimg.reduced_basis(rows, 4).energies[-1] / float(np.square(rows - rows.mean(axis=0)).sum())
 
 
+def decades(rng: np.random.Generator) -> tuple[int, float, float]:
+    """Return a number of points, and the powers of ten between which a factor is."""
+    low, high = np.sort(rng.uniform(-9, 9, 2))
+    return int(rng.integers(4, 12)), float(low), float(high)
+
+
+def along_axes(given: tuple[int, float, float]) -> Floats:
+    """Return where points lie along a logarithmic axis, and along another one, from 0 to 1."""
+    n, low, high = given
+    factors = [Factor("rate", 10**low, 10**high, log=True), Factor("heat", 20, 90)]
+    points = cvtimg.design(n, factors, effort="fast").points
+    return np.stack([(np.log10(points[:, 0]) - low) / (high - low), (points[:, 1] - 20) / 70])
+
+
 _UNITS: dict[str, Callable[[Polygon], Polygon]] = {
     "in meters for kilometers": lambda region: affinity.scale(region, 1000, 1000, origin=(0, 0)),
     "far from the origin": lambda region: affinity.translate(region, 1e5, 5e6),
@@ -59,6 +74,10 @@ _ROWS: dict[str, Callable[[Floats], Floats]] = {
     "another order of places": lambda rows: rows[:, ::-1],
     "another unit": lambda rows: rows * 1000,
 }
+_DECADES: dict[str, Callable[[Any], Any]] = {
+    "a logarithmic axis in another unit": lambda given: (given[0], given[1] + 7, given[2] + 7),
+    "a logarithmic axis over many decades": lambda given: (given[0], -299, 299),
+}
 _IN_SQUARES = remembered(in_squares(40))
 _ENDS = "descents from other roundings end elsewhere"
 _CASES: list[tuple[str, dict[str, Callable[[Any], Any]], Any, Any, Any, str]] = [
@@ -66,6 +85,7 @@ _CASES: list[tuple[str, dict[str, Callable[[Any], Any]], Any, Any, Any, str]] = 
     ("place_generators", _OUTLINES, star, _IN_SQUARES, close(0.03), _ENDS),
     ("mesh_region", _UNITS, star, area, close(1e-5), "points within rounding are one"),
     ("reduced_basis", _ROWS, snapshots, unexplained, close(1e-6), "rounding"),
+    ("design", _DECADES, decades, along_axes, close(1e-6, 1e-9), "rounding"),
 ]
 RELATIONS = [
     Relation(verb, change, inputs, result, changed, follows, since="2026-11-28", because=because)

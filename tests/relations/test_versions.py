@@ -97,6 +97,16 @@ def with_impulses(rng: np.random.Generator, *, noisy: bool) -> Case:
     return clean, [np.where(hit, ends, versions[0] if noisy else clean)]
 
 
+def of_few_pixels(rng: np.random.Generator) -> Case:
+    """Return a photograph of 1 to 23 pixels a side and a noisy version."""
+    (clean, (noisy,)), (height, width) = ONE(rng), rng.integers(1, 24, 2)
+    return clean[:height, :width], [noisy[:height, :width]]
+
+
+def turned(case: Case) -> Case:
+    return np.rot90(case[0]), [np.rot90(version) for version in case[1]]
+
+
 def error_of_neighbors(case: Case) -> float:
     """Mean squared error of medians of 3 x 3 pixels, in squared levels."""
     return error_of(median_filter(case[1][0], (3, 3, 1)), case)
@@ -187,6 +197,28 @@ RELATIONS = [
         "denoise", "a dark frame", spoiled(2), error_either_way, with_dark, close(0.01), LATER, "sums are rounded"
     ),
     Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
+    Relation("denoise", "turned", ONE, error, turned, close(0.01), LATER, "sums are rounded"),
+    Relation(
+        "restore",
+        "few pixels, turned",
+        of_few_pixels,
+        error_either_way,
+        turned,
+        close(0.05),
+        LATER,
+        "means are rounded",
+    ),
+    Relation(
+        "restore",
+        "few pixels: themselves",
+        of_few_pixels,
+        error_either_way,
+        as_it_is,
+        not_above(1.05),
+        LATER,
+        "means are rounded",
+        error_of_mean,
+    ),
     Relation("denoise", "a hot pixel", ONE, error_of_floats, each(with_hot_pixel), close(0.1), LATER, "it is filled"),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
     Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, but_for_ties, LATER),

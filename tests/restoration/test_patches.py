@@ -107,10 +107,9 @@ def test_groups_hold_what_is_alike() -> None:
     assert np.average(purity, weights=groups.sizes) > 0.99
 
 
-def test_threads_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_make_no_difference() -> None:
     noisy = noisy_image((16, 20, 3))
     features = np.random.default_rng(0).standard_normal((320, 6)).astype(np.float32)
-    monkeypatch.setattr("cvtimg._shared.threads._TO_HAND_OVER", 1e-6)
 
     def both() -> bytes:
         groups = group_patches(features, np.zeros(320, np.int32), 40)

