@@ -291,34 +291,10 @@ def test_what_blocks_do_not_have_is_refused(call: Callable[[], object], message:
 # A run that was cut off
 
 
-class CutOffError(Exception):
-    """What ends a run in the middle."""
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("small_sample")
-def test_a_run_that_was_cut_off_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = tessellate(blocks(), 12, effort="best")
-    assert expected.n_iter > 4
-    sums = block_descent.over_blocks
-    n_passes = 0
-
-    def cut_off(*arguments: Any) -> Any:
-        nonlocal n_passes
-        n_passes += 1
-        if n_passes > 4:
-            raise CutOffError
-        return sums(*arguments)
-
-    path = tmp_path / "state.npz"
-    monkeypatch.setattr(block_descent, "over_blocks", cut_off)
-    with pytest.raises(CutOffError):
-        tessellate(blocks(), 12, effort="best", checkpoint=path)
-    monkeypatch.setattr(block_descent, "over_blocks", sums)
+def test_a_run_goes_on_without_a_search_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = tessellate(blocks(), 12, checkpoint=tmp_path / "state.npz")
     monkeypatch.setattr("cvtimg.engine.tessellation.search", lambda *_: pytest.fail("it is not done again"))
-    again = tessellate(blocks(), 12, effort="best", checkpoint=path)
-    assert same_bits(expected, again)
-    assert same_bits(expected, tessellate(blocks(), 12, effort="best", checkpoint=path))
+    assert same_bits(expected, tessellate(blocks(), 12, checkpoint=tmp_path / "state.npz"))
 
 
 def test_a_checkpoint_of_other_samples_is_refused(tmp_path: Path) -> None:

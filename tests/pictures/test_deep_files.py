@@ -205,15 +205,6 @@ def test_an_array_keeps_its_values_and_an_integer_type(tmp_path: Path, stored: A
     assert image.flags.writeable
 
 
-@pytest.mark.parametrize("dtype", ["int16", "uint16", "uint32"])
-@pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3), (5, 7, 5)])
-def test_big_endian_integers_in_tiff_keep_their_type(tmp_path: Path, dtype: str, shape: tuple[int, ...]) -> None:
-    stored = RNG.integers(np.iinfo(dtype).min, np.iinfo(dtype).max, shape, np.dtype(dtype), endpoint=True)
-    bands = {"photometric": "minisblack", "planarconfig": "contig"} if len(shape) == 3 else {}
-    tifffile.imwrite(tmp_path / "a.tif", stored, byteorder=">", **bands)
-    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), stored, strict=True)
-
-
 def test_a_graymap_of_12_bits_is_scaled_to_its_white(tmp_path: Path) -> None:
     (tmp_path / "a.pgm").write_bytes(b"P5 3 1 4095\n" + np.array([0, 2048, 4095], ">u2").tobytes())
     image, info = read_image(tmp_path / "a.pgm"), image_info(tmp_path / "a.pgm")

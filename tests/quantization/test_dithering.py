@@ -16,8 +16,6 @@ from scipy.spatial.distance import cdist
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 from cvtimg import quantize, read_image, read_palette
-from cvtimg._shared.threads import one_thread
-from cvtimg.colors import color_samples
 from cvtimg.quantization.dithering import DITHERS, dither
 
 SAMPLES = Path(__file__).parents[2] / "sample_images"
@@ -258,15 +256,6 @@ def test_the_mask_of_blue_noise_has_hardly_any_low_frequencies() -> None:
         power = np.abs(np.fft.fft2(labels - labels.mean())) ** 2
         radius = np.hypot(np.fft.fftfreq(64)[:, None], np.fft.fftfreq(64))
         assert power[radius < 0.15].mean() < 0.05 * power.mean()
-
-
-@pytest.mark.parametrize("method", DITHERS)
-def test_threads_do_not_matter(method: Any) -> None:
-    samples = color_samples(read_image(SAMPLES / "coffee.png")[:200, :300])
-    job = samples.colors, samples.inverse, samples.colors[:: samples.n_colors // 30], method
-    found = dither(*job)
-    with one_thread():
-        assert np.array_equal(dither(*job), found)
 
 
 @pytest.mark.parametrize("method", DITHERS)

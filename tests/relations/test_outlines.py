@@ -15,6 +15,7 @@ import shapely
 from reference import ring
 from relations.relation import Relation, close, quick_and_wide
 from relations.remembering import remembered
+from relations.test_objects import not_fewer
 
 from cvtimg import mesh_region
 from cvtimg._shared.types import Array, Bools, Floats
@@ -118,10 +119,6 @@ def least_angle_of_triangle(points: Points) -> float:
     return float(measure_triangles(mesh["vertices"], mesh["triangles"]).least_angles.min())
 
 
-def not_below(result: float, rival: float) -> None:
-    assert result >= rival
-
-
 RELATIONS = [
     Relation("mesh_region", "points doubled within rounding", smooth, figures, doubled, alike, since="2026-11-27"),
     Relation("mesh_region", "a crack and a spike", smooth, figures, cracked, alike, since="2026-11-27"),
@@ -142,7 +139,7 @@ RELATIONS = [
         smooth,
         least_angle,
         lambda points: points,
-        not_below,
+        not_fewer,
         since="2026-11-27",
         rival=least_angle_of_triangle,
     ),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import PIL.Image
+import pytest
 from reference import of_three_threads, same_partition
 from relations.relation import Relation, close, equal, quick_and_wide
 from relations.remembering import remembered
@@ -14,6 +15,7 @@ from skimage.filters import gaussian
 
 import cvtimg
 from cvtimg._shared.types import Array
+from cvtimg.quantization.dithering import DITHERS
 
 Image = Array
 
@@ -117,8 +119,29 @@ OF_HOLES: dict[str, tuple[Callable[[Any], Any], Callable[[Any, Any], None]]] = {
     "denoise": (lambda image: cvtimg.denoise([image]).image, equal),
     **{
         f"quantize, dither {dither}": (lambda image, d=dither: cvtimg.quantize(image, 6, dither=d).image, equal)
-        for dither in ("floyd-steinberg", "edge-aware", "blue-noise")
+        for dither in DITHERS
     },
+}
+
+
+def measured(rng: np.random.Generator) -> Image:
+    """Return values that are no shades of a screen, as some are below 0."""
+    return gray_picture(rng) - 128.0
+
+
+def drawn(verb: str) -> Callable[[Image], Any]:
+    """Return what draws measurements, and tells that they are."""
+
+    def result(image: Image) -> Any:
+        with pytest.warns(UserWarning, match="measurements"):
+            return OF_DRAWINGS[verb](image)
+
+    return result
+
+
+OF_DRAWINGS: dict[str, Callable[[Image], Any]] = {
+    "stipple": lambda image: cvtimg.stipple(image, 60).points,
+    "mosaic": lambda image: cvtimg.mosaic(image, 30).labels,
 }
 
 RELATIONS = (
@@ -147,6 +170,14 @@ RELATIONS = (
     + [
         Relation(verb, "hidden colors", with_holes, of_seen(result), noisy_below, follows, since="2026-11-28")
         for verb, (result, follows) in OF_HOLES.items()
+    ]
+    + [
+        Relation(verb, f"measurements {change}", measured, drawn(verb), form, equal, since="2026-11-28")
+        for verb in OF_DRAWINGS
+        for change, form in {
+            "in a unit of 2^-20": lambda image: image * 2.0**20,
+            "with an offset": lambda image: image + 1e6,
+        }.items()
     ]
     + [
         Relation(

@@ -83,9 +83,10 @@ def write_tiles(path: Path, image: Array) -> None:
     write_bands(path, Form(image.shape, image.dtype), [image])
 
 
-def write_packed(path: Path, image: Array, how: str) -> None:
-    """Write a TIFF as other programs do, in tiles."""
-    tifffile.imwrite(path, image, photometric="minisblack", planarconfig="contig", tile=(16, 16), compression=how)
+def write_as_others(path: Path, image: Array, **how: Any) -> None:
+    """Write a TIFF as other programs do."""
+    bands = {"photometric": "minisblack", "planarconfig": "contig"} if image.ndim == 3 else {}
+    tifffile.imwrite(path, image, **bands, **how)
 
 
 def read_tiles(path: Path) -> Array:
@@ -143,13 +144,11 @@ _FILES += [
     for name in _TYPES
 ]
 _FILES += [
-    (
-        "read_image",
-        f".tif by {how}",
-        of_type("float32"),
-        again(partial(write_packed, how=how), cvtimg.read_image, "a.tif"),
-    )
-    for how in ("zlib", "lzw", "zstd")
+    ("read_image", f".tif, {name}", of_type(kind), again(partial(write_as_others, **how), cvtimg.read_image, "a.tif"))
+    for name, kind, how in [
+        *((method, "float32", {"compression": method, "tile": (16, 16)}) for method in ("zlib", "lzw", "zstd")),
+        *((f"big-endian {kind}", kind, {"byteorder": ">"}) for kind in ("int16", "uint16", "uint32")),
+    ]
 ]
 _FILES += [
     ("segment_file", f"tiles of {suffix}, {name}", of_type(name), again(write_tiles, read_tiles, f"a{suffix}"))

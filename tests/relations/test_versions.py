@@ -197,7 +197,7 @@ RELATIONS = [
         "denoise", "a dark frame", spoiled(2), error_either_way, with_dark, close(0.01), LATER, "sums are rounded"
     ),
     Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
-    Relation("denoise", "turned", ONE, error, turned, close(0.01), LATER, "sums are rounded"),
+    Relation("denoise", "turned", ONE, error, turned, close(0.03), LATER, "other patches are alike"),
     Relation(
         "restore",
         "few pixels, turned",

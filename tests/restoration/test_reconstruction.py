@@ -11,7 +11,7 @@ from PIL import Image
 
 from cvtimg import denoise, read_image, restore
 from cvtimg._shared.types import Array, Bytes, Floats
-from cvtimg.restoration import RENORMALIZATIONS, Restoration, restore_versions
+from cvtimg.restoration import RENORMALIZATIONS, Restoration
 
 Damage = damage.Damage
 
@@ -216,12 +216,6 @@ def test_a_drawing_of_two_colors_comes_back_as_it_is() -> None:
     y, x = np.mgrid[:60, :80]
     mask = np.uint8(255) * ((x - 40) ** 2 + (y - 30) ** 2 < 400) * (x % 9 > 2)
     np.testing.assert_array_equal(restore([mask]).image, mask)
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (1, 9, 3), (2, 2)])
-def test_an_image_of_few_pixels_is_restored(shape: tuple[int, ...]) -> None:
-    image = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
-    np.testing.assert_array_equal(restore_versions([image]).image, image)
 
 
 def test_what_is_transparent_does_not_tell_the_number_of_colors() -> None:

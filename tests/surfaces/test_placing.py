@@ -5,7 +5,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from reference import at_threads, cube
+from reference import cube
 from scipy.spatial import KDTree
 
 from cvtimg import surface_points
@@ -116,14 +116,6 @@ def test_a_density_is_seen_inside_of_large_triangles() -> None:
 def test_more_effort_gives_less_energy() -> None:
     energies = [surface_points(torus(), 200, effort=effort).energy for effort in ("fast", "balanced", "best")]
     assert energies[0] > energies[1] >= energies[2] * 0.999
-
-
-def test_all_threads_give_the_same_bits() -> None:
-    mesh = torus().triangulation
-    start = np.random.default_rng(0).integers(len(mesh.triangles), size=12_000).astype(np.int32)
-    places = mesh.points[mesh.triangles[start]].mean(axis=1) * 1.05
-    one, three = at_threads(lambda: mesh.nearest(places, start)[0])
-    assert (one == three).all()
 
 
 @pytest.mark.slow
