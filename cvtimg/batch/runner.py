@@ -83,7 +83,7 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
         try:
             attempt = partial(_attempt, work=work, running=running)
             with (
-                _Ending() as ending,
+                Ending() as ending,
                 progress(len(todo), report) as step,
                 _performed(attempt, todo, running) as results,
             ):
@@ -98,7 +98,7 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
     return report.close()
 
 
-class _Ending:
+class Ending:
     """Lets the signals INT, TERM and HUP end a block by a KeyboardInterrupt with their number, but not while `held`."""
 
     def __init__(self) -> None:
@@ -109,7 +109,7 @@ class _Ending:
         usual = (signal.SIG_DFL, signal.default_int_handler)  # nohup ignores HUP, and so do we
         self._before = {number: handler for number, handler in handlers.items() if handler in usual}
 
-    def __enter__(self) -> _Ending:
+    def __enter__(self) -> Ending:
         for number in self._before:
             signal.signal(number, self._end)
         return self

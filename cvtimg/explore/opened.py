@@ -6,7 +6,7 @@ import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import Future, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
@@ -42,6 +42,7 @@ SMALL = 1 << 18
 _TINTS = Swatches(name="tints", label="Colors of channels")
 #: Samples of windows, and trees of segments, that are kept, and pixels of all of them but the last two.
 _KEPT, _MOST_KEPT = 4, 1 << 24
+_MEASURING = ThreadPoolExecutor()  # of energy curves
 
 
 def most_pixels() -> int:
@@ -220,20 +221,14 @@ class Picture:
         """Return the energy curve; without `wait`, None until it is there. It is computed in the background."""
         with self._lock:
             if space not in self._curves:
-                self._curves[space] = Future()
-                threading.Thread(target=self._measure, args=(space,), daemon=True).start()
+                self._curves[space] = _MEASURING.submit(self._measured, space)
             curve = self._curves[space]
         with suppress(Exception):  # who waits for the curve is told that there is none
             return curve.result(None if wait else 0)
         return None
 
-    def _measure(self, space: SpaceName) -> None:
-        curve = self._curves[space]
-        try:
-            energies = energy_curve(self.samples, N_CURVE, space=space, callback=lambda step, energy: self._closed)
-            curve.set_result(energies)
-        except Exception as error:
-            curve.set_exception(error)
+    def _measured(self, space: SpaceName) -> EnergyCurve:
+        return energy_curve(self.samples, N_CURVE, space=space, callback=lambda step, energy: self._closed)
 
     def close(self, *, wait_for: bool = True) -> None:
         """End what is computed in the background; by default, wait for that."""

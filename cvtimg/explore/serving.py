@@ -6,16 +6,15 @@ import asyncio
 import logging
 import os
 import secrets
-import signal
 import socket
 import tempfile
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from threading import current_thread, main_thread
 
 from cvtimg._shared.messages import one_line
+from cvtimg.batch.runner import Ending
 from cvtimg.explore.guard import Credentials
 from cvtimg.explore.outcomes import own_prefix
 
@@ -81,8 +80,10 @@ def serve(
         watch.cancel()
 
     try:
-        with _signals_end():
+        with Ending():
             asyncio.run(run())
+    except KeyboardInterrupt as interrupt:  # what follows cleans up, also for SIGTERM, and SIGHUP of a closed terminal
+        raise SystemExit(128 + interrupt.args[0]) from None
     finally:
         listener.close()
         server.store.close()
@@ -106,25 +107,6 @@ def _door(credentials: Credentials) -> Iterator[None]:
         yield
     finally:
         door.unlink(missing_ok=True)
-
-
-@contextmanager
-def _signals_end() -> Iterator[None]:
-    """Let SIGTERM, and SIGHUP of a closed terminal, raise SystemExit, so that what follows cleans up."""
-
-    def end(number: int, _: object) -> None:
-        raise SystemExit(128 + number)
-
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.getsignal(number) for number in numbers if current_thread() is main_thread()}
-    for number, handler in before.items():
-        if handler != signal.SIG_IGN:  # as nohup sets it
-            signal.signal(number, end)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _bound(port: int) -> socket.socket:

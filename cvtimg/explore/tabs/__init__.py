@@ -7,16 +7,13 @@ from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.store import Store
+from cvtimg.explore.tabs.artwork_tabs import MosaicTab, StippleTab
 from cvtimg.explore.tabs.base import Request, Tab
-from cvtimg.explore.tabs.colors_tab import ColorsTab
-from cvtimg.explore.tabs.design_tab import DesignTab
+from cvtimg.explore.tabs.colors_tabs import ColorsTab, PaletteTab
 from cvtimg.explore.tabs.mesh_tab import MeshTab
-from cvtimg.explore.tabs.mosaic_tab import MosaicTab
-from cvtimg.explore.tabs.palette_tab import PaletteTab
 from cvtimg.explore.tabs.restore_tab import RestoreTab
 from cvtimg.explore.tabs.segments_tab import SegmentsTab
-from cvtimg.explore.tabs.sphere_tab import SphereTab
-from cvtimg.explore.tabs.stipple_tab import StippleTab
+from cvtimg.explore.tabs.sheet_tabs import DesignTab, SphereTab
 
 #: All tabs by name, in the order of the page.
 TABS: dict[str, Tab] = {

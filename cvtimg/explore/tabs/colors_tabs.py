@@ -1,4 +1,4 @@
-"""Colors: the picture in the palette that represents it with the least error."""
+"""Colors and Palette: the picture in the palette that represents it with the least error, or in a chosen one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
-from cvtimg.explore.calls import Code, Line, call
+from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import (
     Brushed,
     Choice,
@@ -24,9 +24,11 @@ from cvtimg.explore.controls import (
     Control,
     Files,
     Settings,
+    Swatches,
     UnfitRequestError,
     controls_of,
     number,
+    words_of,
 )
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import N_CURVE, SMALL
@@ -38,6 +40,9 @@ from cvtimg.pictures import Frames
 from cvtimg.quantization import Quantized, QuantizedSeries, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
 
+PALETTE = Code("result.palette")
+N_PIXELS = Code("numpy.bincount(result.indices.ravel(), minlength=len(result.palette))")
+N_PIXELS_OF_ALL = Code("sum(numpy.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in result.results)")
 #: Formats of palettes, with their labels; after a picture, the first are offered.
 PALETTES = {
     ".gpl": "Palette for GIMP, Inkscape, Krita",
@@ -58,6 +63,8 @@ _DITHERED = {"floyd-steinberg": 500_000, "edge-aware": 1 << 17}
 #: The format of pages, with its label.
 _PAGES = {"Pages, TIFF": ".tif"}
 _SEARCHED = ("k", "auto", "psnr", "max_bytes")
+_FOUND = {"start": ["image", "main"]}
+_GIVEN = {"start": ["given", "hand"]}
 
 
 class ColorsTab(Tab):
@@ -270,6 +277,92 @@ class ColorsTab(Tab):
         return Indexed(indices, colors), {"k": len(result.palette), "psnr": psnr, "counts": counts.tolist()}
 
 
+class PaletteTab(Tab):
+    name = "palette"
+    about = "Find, take or make a palette. Drag its colors to sort them; choose one to edit, lock or remove it."
+    verb = "palette"
+    verbs = ("quantize",)
+    most_drafted = SMALL
+    controls: ClassVar[tuple[Control, ...]] = (
+        *controls_of(
+            "palette",
+            Choice(
+                name="start",
+                label="Colors",
+                default="image",
+                choices={
+                    "image": "of the image, least error",
+                    "main": "of the image, main ones",
+                    "given": "built-in, or of a file",
+                    "hand": "by hand",
+                },
+            ),
+            ("number", {"name": "k", "when": _FOUND, "label": "Number", "keyword": ""}),
+            Files(name="palette", label="Palette", of="palettes", default=("pico-8",), when={"start": ["given"]}),
+            ("sort", {"when": _FOUND}),
+            ("space", {"when": {"start": ["image"]}}),
+            Colors(
+                name="locked",
+                label="Locked colors",
+                flag="--lock",
+                when=_FOUND,
+                about="Kept as they are; the others are found around them.",
+            ),
+            Swatches(name="colors", label="Colors", when={"start": ["hand"]}),
+        ),
+        *controls_of("quantize", ("ramp", {"when": _GIVEN}), ("dither", {"when": _GIVEN})),
+    )
+
+    def pasted(self, flag: str, text: str) -> Json:
+        if flag == "--main":
+            return {"start": "main"}
+        if flag != "--palette":
+            return {}
+        colors = text.split(",")
+        return {"start": "hand", "colors": colors} if text[:1] == "#" else {"start": "given", "palette": [text]}
+
+    def outputs(self, request: Request) -> Sequence[Output]:
+        """Return the palette in all formats, and the picture in it where the command makes that, too."""
+        if _is_found(request.settings):
+            return palette_files(PALETTES, Code("result.palette[order]"), Code("n_pixels[order]"))
+        return palette_files(PALETTES, PALETTE, N_PIXELS)
+
+    def recipe(self, request: Request) -> Recipe:
+        settings, lines = request.settings, self.lines(request)
+        if _is_found(settings):
+            main = ["--main"] if settings["start"] == "main" else []
+            return Recipe(self.words(request, *main), lines, for_many=False)
+        words = ["cvtimg", "quantize", *request.picture.words, "--palette", _given(request)[0]]
+        return Recipe([*words, *words_of(self.controls, settings)], lines, always="{}-quantized.png")
+
+    def lines(self, request: Request) -> list[Line]:
+        """Return the lines of Python that find a palette and its order, or map the picture to one."""
+        settings, array = request.settings, request.picture.array
+        keywords, lines = self.keywords(settings), [reading(request)]
+        if not _is_found(settings):
+            lines += [read_as(*_given(request), array.dtype)]
+            return [*lines, Line("result", call("cvtimg.quantize", IMAGE, palette=Code("palette"), **keywords))]
+        if array.dtype != np.uint8:
+            lines += [Line("image", call("cvtimg.colors.to_depth", IMAGE, "uint8"))]
+        keywords |= {"locked": rgb(settings["locked"])} if settings["locked"] else {}
+        if settings["start"] == "main":
+            lines += [Line("main", call("cvtimg.quantization.main_palette", IMAGE, settings["k"], **keywords))]
+            find = call("cvtimg.quantization.map_to_palette", IMAGE, Code("main.colors"), space="oklab")
+        else:
+            find = call("cvtimg.quantize", IMAGE, settings["k"], **keywords)
+        order = call("cvtimg.palettes.color_order", PALETTE, settings["sort"], density=Code("n_pixels"))
+        return [*lines, Line("result", find), Line("n_pixels", N_PIXELS), Line("order", order)]
+
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
+        result: Quantized = values["result"]
+        counts = evaluated(N_PIXELS, values)
+        order = values.get("order", np.arange(len(counts)))
+        indices = np.argsort(order).astype(np.uint32)[result.indices]
+        psnr = result.psnr if np.isfinite(result.psnr) else None
+        facts = {"k": len(order), "psnr": psnr, "counts": counts[order].tolist()}
+        return Indexed(indices, request.picture.colors_seen(result.palette, alpha=result.alpha)[order]), facts
+
+
 def _bits(settings: Settings) -> Json:
     """Return the bits per channel that the colors may have, as an argument."""
     return {} if settings["color_bits"] == "any" else {"color_bits": color_bits(settings["color_bits"])}
@@ -305,6 +398,15 @@ def palette_files(labels: Mapping[str, str], palette: Code, n_pixels: Code) -> l
     return [Output(label, "--save-palette", "{}-palette" + end, *write) for end, label in labels.items()]
 
 
-PALETTE = Code("result.palette")
-N_PIXELS = Code("numpy.bincount(result.indices.ravel(), minlength=len(result.palette))")
-N_PIXELS_OF_ALL = Code("sum(numpy.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in result.results)")
+def _is_found(settings: Settings) -> bool:
+    return settings["start"] in ("image", "main")
+
+
+def _given(request: Request) -> tuple[str, Bytes]:
+    """Return name and colors of the palette that is chosen or made."""
+    settings = request.settings
+    if settings["start"] == "given":
+        return request.store.palette(settings["palette"])
+    if not settings["colors"]:
+        raise UnfitRequestError("the palette is empty; add a color")
+    return ",".join(settings["colors"]), rgb(settings["colors"])
