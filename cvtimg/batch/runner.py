@@ -82,11 +82,7 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
         started = time() - 0.05  # seconds by which times of files may lag behind the clock
         try:
             attempt = partial(_attempt, work=work, running=running)
-            with (
-                Ending() as ending,
-                progress(len(todo), report) as step,
-                _performed(attempt, todo, running) as results,
-            ):
+            with Ending() as ending, progress(len(todo), report) as step, _performed(attempt, todo, running) as results:
                 for number, outcome in results:
                     with ending.held():
                         step()

@@ -89,7 +89,7 @@ class Channel:
         self._socket, self._store = socket, store
         self._waiting: dict[str, Json] = {}
         self._woken = {lane: asyncio.Event() for lane in ("draft", "exact", "before")}
-        self._paces: dict[str, float] = {}  # seconds that a megapixel took, by tab
+        self._paces: dict[str, float] = {}  # seconds that a unit of work took, by tab
         self._search: Work[Any] | None = None
         self._last: tuple[Any, str, Outcome] | None = None
 
@@ -162,19 +162,17 @@ class Channel:
             self._last = self._store.newest = None  # two results of a large picture take much memory
 
         def answered() -> tuple[bytes | str, str, Outcome | None]:
-            megapixels = math.prod(request.size) / 1e6 if request.opened else 0.0
-            seconds = self._paces.get(tab.name, tab.pace) * megapixels
-            about: Json = {"lane": lane, "recipes": _recipes(tab, request), "seconds": seconds}
-            key, outcome = secrets.token_hex(8), None
+            about: Json = {"lane": lane, "recipes": _recipes(tab, request)}
+            key, outcome, begun = secrets.token_hex(8), None, time.monotonic()
             if last and (lane == "exact" or last[2].frames):
                 _, key, outcome = last
             elif lane == "draft":
                 key, outcome = "", tab.draft(request)
             else:
-                begun = time.monotonic()
                 outcome = tab.exact(request)
-                if megapixels > 1:  # what smaller pictures take does not grow with them
-                    self._paces[tab.name] = (time.monotonic() - begun) / megapixels
+                if request.opened and math.prod(request.size) > 1e6:  # what smaller ones take does not grow with them
+                    self._paces[tab.name] = (time.monotonic() - begun) / tab.work(request, outcome)
+            about["seconds"] = self._paces.get(tab.name, tab.pace) * tab.work(request, outcome)
             if outcome is None:
                 return json.dumps({"seq": number, "none": True, **about}), "", None
             layer, facts = outcome.frames[frame_of(asked)] if outcome.frames else (outcome.layer, outcome.facts)

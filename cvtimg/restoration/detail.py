@@ -48,9 +48,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     if not evidence.noise.is_seen and (versions.coverage > 0).all():
         return fused, versions
     n_pixels = versions.coverage.size
-    if effort == "auto":
-        effort = next((name for name, most in _AFFORDABLE.items() if n_pixels <= most), "fast")
-    passes = _PASSES[effort]
+    passes = passes_of(effort, n_pixels)
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
     kept = suspicion.first_kept(versions, fused) if suspicion else versions
     values, weights = fuse(kept, trust)
@@ -82,6 +80,12 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     if not evidence.noise.is_seen:
         estimate = np.where((weights > 0)[:, :, None], values, estimate)
     return estimate, kept
+
+
+def passes_of(effort: AutoEffortName, n_pixels: int) -> tuple[int, ...]:
+    """Return the largest number of patches in a group in each of the passes over an image."""
+    affordable = next((name for name, most in _AFFORDABLE.items() if n_pixels <= most), "fast")
+    return _PASSES[affordable if effort == "auto" else effort]
 
 
 def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Floats32:

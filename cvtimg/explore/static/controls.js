@@ -15,7 +15,7 @@ export const defaults = controls => Object.fromEntries(controls.map(control => [
 
 // Numbers of things that a small picture has no room for, as it is opened: as many as fit.
 export function fitted(controls, settings, n_pixels, before) {
-	const numbers = controls.filter(control => control.room && [control.default, before[control.name]].includes(settings[control.name]));
+	const numbers = controls.filter(control => control.room && control.default !== "auto" && [control.default, before[control.name]].includes(settings[control.name]));
 	return Object.fromEntries(numbers.map(({name, room, low, default: usual}) => [name, Math.min(usual, Math.max(low, Math.floor(n_pixels / room)))]));
 }
 

@@ -194,8 +194,9 @@ function working() {
 		if (!started) return clearInterval(working.timer);
 		const seconds = (performance.now() - started) / 1000;
 		if (seconds < .5) return;
+		const whole = share > .2 ? seconds / share : expected; // what is done tells better than a draft
 		const moves = share && share < 1 && performance.now() - shared < 4000; // else the bar shows that work goes on
-		$("facts").textContent = `working… ${moves ? `${Math.floor(100 * share)} %, ` : ""}${seconds.toFixed(0)} s${expected > 10 ? ` of about ${Number(expected.toPrecision(1))} s` : ""}`;
+		$("facts").textContent = `working… ${moves ? `${Math.floor(100 * share)} %, ` : ""}${seconds.toFixed(0)} s${whole > 10 ? ` of about ${Number(whole.toPrecision(1))} s` : ""}`;
 		$("share").hidden = $("cancel").hidden = false;
 		if (moves) $("share").value = share; else $("share").removeAttribute("value");
 	}, 200);

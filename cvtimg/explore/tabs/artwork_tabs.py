@@ -136,10 +136,6 @@ class MosaicTab(Tab):
         keywords = self.keywords(request.settings)
         return [reading(request), Line("result", call("cvtimg.mosaic", IMAGE, request.settings["n_cells"], **keywords))]
 
-    def scaled(self, request: Request) -> Settings:
-        number = min(request.settings["n_cells"], max(1, math.prod(request.size) // 64))
-        return {**Tab.scaled(self, request), "n_cells": number, "effort": "fast"}
-
     def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Mosaic = values["result"]
         svg = written_as("drawing.svg", lambda path: result.save(path, outline=request.settings["outline"]))

@@ -71,7 +71,7 @@ class Tab:
     # (int, int): height and width of the drawing, for tabs that need no picture.
     sheet: ClassVar[tuple[int, int] | None] = None
     most_drafted: ClassVar[int] = 1 << 20  # Pixels, or what else a tab makes, of a draft: what is quickly made
-    # Seconds that a megapixel takes until there has been a result: of a photograph of 12, on two cores of an EPYC.
+    # Seconds that a unit of `work` takes until there has been a result: of 12 megapixels, on two cores of an EPYC.
     pace: ClassVar[float] = 0.1
     for_frames: ClassVar[bool] = False  # Whether the result is of all frames of an animation, or pages of a file
     arguments: ClassVar[Mapping[str, str]] = {}  # Names of controls by those of arguments that they say otherwise
@@ -110,13 +110,22 @@ class Tab:
             return None
         return Outcome(*self.seen(small, self.run(small)), drawn=window)
 
+    def work(self, request: Request, outcome: Outcome | None) -> float:
+        """Return how much there is to do for a result, by default its megapixels, as far as a draft or it has told."""
+        return math.prod(request.size) / 1e6 if request.opened else 0.0
+
     def scaled(self, request: Request) -> Settings:
-        """Return the settings of a draft: lengths and areas shrink with the picture."""
-        settings = dict(request.settings)
+        """Return the settings of a draft: little effort, and lengths, areas and numbers shrink with the picture."""
+        settings = {**request.settings, "effort": "fast"} if "effort" in request.settings else {**request.settings}
         for control in self.controls:
-            if isinstance(control, Number) and control.unit in _POWERS and settings[control.name] != "auto":
-                small = settings[control.name] / request.step ** _POWERS[control.unit]
-                settings[control.name] = max(control.low, round(small) if control.step == 1 else small)
+            value = settings[control.name]
+            if not isinstance(control, Number) or value == "auto":
+                continue
+            if control.unit in _POWERS:
+                value /= request.step ** _POWERS[control.unit]
+            elif control.room:
+                value = min(value, math.prod(request.size) // (4 * control.room))
+            settings[control.name] = max(control.low, round(value) if control.step == 1 else value)
         return settings
 
     def exact(self, request: Request) -> Outcome:
@@ -144,9 +153,14 @@ class Tab:
 
     def maps(self, request: Request) -> list[Line]:
         """Return the lines that read the (H, W) images that are drawn by brush."""
-        reads = [(one, call("cvtimg.read_image", one.pattern.format(request.stem))) for one in self.brushed(request)]
-        settings, every = request.settings, request.every
-        return [Line(one.name, read, every(one.drawn(settings[one.name], request.picture.size))) for one, read in reads]
+        return [
+            Line(
+                brush.name,
+                call("cvtimg.read_image", brush.pattern.format(request.stem)),
+                request.every(brush.drawn(request.settings[brush.name], request.picture.size)),
+            )
+            for brush in self.brushed(request)
+        ]
 
     def map_files(self, request: Request) -> list[Output]:
         """Return the files of these images, which the command reads."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Sequence
 from typing import Any, ClassVar
@@ -12,7 +11,7 @@ import numpy as np
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Code, Line, call
-from cvtimg.explore.controls import Choice, Control, Settings, UnfitRequestError, controls_of, number, words_of
+from cvtimg.explore.controls import Choice, Control, UnfitRequestError, controls_of, number, words_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, Recipe, safe_name
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, visible
@@ -45,7 +44,7 @@ class MeshTab(Tab):
             ("min_size", {**_SEGMENTS, "name": "least", "default": 500, "keyword": ""}),
         ),
         Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
-        ("n", {"when": {"by": ["n"]}, "always": False}),
+        ("n", {"when": {"by": ["n"]}, "always": False, "room": 4}),
         ("edge_length", {"when": {"by": ["edge"]}}),
         "grade",
         "min_size",
@@ -85,10 +84,6 @@ class MeshTab(Tab):
         segments = call("cvtimg.segment", IMAGE, settings["k"], **inside, **least)
         result = call("cvtimg.mesh_labels", Code("segments.labels"), **keywords)
         return [*lines, Line("segments", segments), Line("result", result)]
-
-    def scaled(self, request: Request) -> Settings:
-        number, most = request.settings["n"], max(3, math.prod(request.size) // 16)
-        return {**Tab.scaled(self, request), "n": number if number == "auto" else min(number, most)}
 
     def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Mesh = values["result"]

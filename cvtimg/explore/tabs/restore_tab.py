@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -18,6 +19,7 @@ from cvtimg.explore.tabs.base import WRITE_IMAGE, Request, Tab
 from cvtimg.pictures import Pages
 from cvtimg.pictures.files import image_suffixes
 from cvtimg.restoration import Denoised, Restoration
+from cvtimg.restoration.detail import passes_of
 
 _FLAT = {"when": {"way": ["flat"]}}
 _IMAGE = Code("result.with_alpha()")
@@ -28,7 +30,7 @@ class RestoreTab(Tab):
     about = "Restore one image from several noisy or incomplete versions of it. Open or drop all versions."
     verb = "restore"
     compared = Code("result.image")
-    pace = 6.0
+    pace = 2.2
     most_drafted = 128  # height and width
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "restore",
@@ -122,7 +124,15 @@ class RestoreTab(Tab):
         if any(version.shape[:2] != versions[0].shape[:2] for version in versions):
             return None
         result: Denoised = evaluated(self._call({**settings, "effort": "fast"}), {"images": versions})
-        return Outcome(_layer(request, result), _kinds(result), drawn=part)
+        return Outcome(_layer(request, result), _kinds(result), {"result": result}, drawn=part)
+
+    def work(self, request: Request, outcome: Outcome | None) -> float:
+        """Return megapixels of all versions, and of all passes; segments take about as long as one."""
+        result, n_passes = (outcome.values["result"] if outcome else None), 1
+        if result is None or not isinstance(result, Restoration):
+            is_clean = result is not None and not result.noisy
+            n_passes = 0 if is_clean else len(passes_of(request.settings["effort"], math.prod(request.size)))
+        return Tab.work(self, request, outcome) * (len(_versions(request)) + n_passes)
 
     def exact(self, request: Request) -> Outcome:
         """Restore the picture; files have the name of the first version."""

@@ -166,7 +166,7 @@ class DesignTab(Tab):
         return [Line("result", call("cvtimg.design", settings["n"], box, **self.keywords(settings)))]
 
     def scaled(self, request: Request) -> Settings:
-        return {**request.settings, "effort": "fast", "n": min(request.settings["n"], self.most_drafted)}
+        return {**Tab.scaled(self, request), "n": min(request.settings["n"], self.most_drafted)}
 
     def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Design = values["result"]
