@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 from cvtimg._shared.threads import n_threads, pairwise_sum
 from cvtimg.batch.pipes import as_files, deliver
 from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
-from cvtimg.batch.report import Report, progress, reason
-from cvtimg.batch.row_file import FILE_SUFFIXES, RowFile
+from cvtimg.batch.report import FILE_SUFFIXES, Report, RowFile, progress, reason
 from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwatch, Task, Work
 from cvtimg.files.remote import exists, is_remote, local_copy, url_of
 from cvtimg.files.whole import check_can_be_written, local_path, remove_leftovers, scratch_folder, whole_file

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned, plot
-from cvtimg.options.record import Given
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 
 if TYPE_CHECKING:
     from cvtimg.bases import Basis

@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned, plot
-from cvtimg.options.record import Given
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 
 if TYPE_CHECKING:
     from cvtimg.engine import Tessellation

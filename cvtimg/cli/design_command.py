@@ -5,9 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cvtimg._shared.extras import optional
-from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned, plot, read_beside
-from cvtimg.options.record import Given
+from cvtimg.cli.running import (
+    Given,
+    Report,
+    Row,
+    Stopwatch,
+    Task,
+    Todo,
+    WrongUsageError,
+    plan_of,
+    planned,
+    plot,
+    read_beside,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -8,11 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.cluster_command import reading, told_left_out
-from cvtimg.cli.running import Todo, plan_of, planned, plot
+from cvtimg.cli.running import Given, Report, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 from cvtimg.files.finding import find_images
-from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     from cvtimg._shared.types import Array

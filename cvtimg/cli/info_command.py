@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 
-from cvtimg.batch import Row, Stopwatch, Task
-from cvtimg.cli.running import Todo, plan_of, planned
-from cvtimg.options.record import Given
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, plan_of, planned
 
 EXAMPLES = "  cvtimg info photos/ --json\n  cvtimg info photos/ --noise"
 COLUMNS = (

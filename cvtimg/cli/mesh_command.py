@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from warnings import warn
 
-from cvtimg.batch import Row, Stopwatch, Task, check_suffix
-from cvtimg.cli.mesh_inputs import POLYGON_SUFFIXES
-from cvtimg.cli.running import Todo, plan_of, planned, plot
-from cvtimg.options.record import Given
+from cvtimg._shared.choices import Options
+from cvtimg.batch import check_suffix
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, plan_of, planned, plot
+
+if TYPE_CHECKING:
+    from cvtimg._shared.types import Array
+    from cvtimg.meshes import Mesh
 
 EXAMPLES = """\
   cvtimg mesh mask.png -n 2000 -o mask.vtu --plot mask-mesh.png
@@ -50,7 +56,6 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.cli.mesh_inputs import named, read_region, read_segments, read_size, warn_of_degrees
 
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
     making = given.arguments
@@ -107,3 +112,142 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
             else {}
         ),
     }
+
+
+POLYGON_SUFFIXES = (".geojson", ".json", ".wkt", ".wkb", ".csv")
+
+
+def read_region(path: Path, name_by: str) -> Any:
+    """Read polygons: GeoJSON, well-known text or binary, or a ring as a table with columns x and y.
+
+    Features of GeoJSON with a property `name_by` are joined by its value, as a word.
+    """
+    import numpy as np
+    import shapely
+
+    suffix = path.suffix.lower()
+    try:
+        if suffix == ".wkb":
+            return shapely.from_wkb(path.read_bytes(), on_invalid="fix")
+        text = path.read_text(encoding="utf-8-sig")
+        if suffix == ".wkt":
+            return shapely.from_wkt(text, on_invalid="fix")
+        if suffix == ".csv":
+            lines = [line for line in text.splitlines() if line.strip()]
+            has_names = any(letter.isalpha() for letter in lines[0].replace("e", ""))
+            return np.loadtxt(lines[has_names:], delimiter=",", usecols=(0, 1), ndmin=2)
+        return _parts(json.loads(text), name_by)
+    except (ValueError, UnicodeDecodeError, IndexError, shapely.errors.ShapelyError) as error:
+        raise ValueError(f"is not a {suffix} file of polygons: {error}") from error
+
+
+def _parts(shape: object, name_by: str) -> Any:
+    """Return GeoJSON as it is, or, if all features have names, a dict of these and of polygons."""
+    from cvtimg.placement import PolygonRegion
+
+    features = shape.get("features", [shape]) if isinstance(shape, dict) else []
+    properties = [feature.get("properties") or {} for feature in features]
+    names = [_named(name_by, each) for each in properties]
+    if not names or None in names:
+        known = sorted({key for each in properties for key in each})
+        if known and (len(names) > 1 or name_by != "name"):
+            word = (
+                f"only {sum(name is not None for name in names)} of {len(names)} features have the property {name_by}"
+            )
+            warn(f"{word}: they are one region; --name-by takes {', '.join(known)}", stacklevel=1)
+        return shape
+    words = [re.sub(r"[^\w-]+", "_", str(name)) for name in names]
+    words = [word if word[:1].isalpha() else f"_{word}" for word in words]
+    return {
+        word: PolygonRegion({"type": "FeatureCollection", "features": [features[k] for k in members]})
+        for word in dict.fromkeys(words)
+        if (members := [k for k, other in enumerate(words) if other == word])
+    }
+
+
+def _named(name_by: str, properties: Options) -> Any:
+    """Return the property of this name, or of one that differs in capitals only; None if there is none."""
+    alike = {key.lower(): value for key, value in properties.items()}
+    return properties.get(name_by, alike.get(name_by.lower()))
+
+
+def read_segments(path: Path, label: int | None) -> tuple[Array, bool]:
+    """Read labels, and tell whether they are a mask: no other values than 0 and one more, or those of one label."""
+    import numpy as np
+
+    from cvtimg.labels.files import read_labels
+
+    no_labels = f"is no mask and no labels; divide it first: cvtimg segment {path} -o labels.png"
+    try:
+        labels = _voxels(path) if _has_voxels(path) else read_labels(path)
+    except TypeError as error:  # floating point
+        raise ValueError(no_labels) from error
+    if label is not None:
+        if not (labels == label).any():
+            raise ValueError(f"holds no label {label}")
+        return labels == label, True
+    # Labels in pieces of three pixels across differ as often; a photograph with noise does so more often.
+    if np.count_nonzero(labels[..., 1:] != labels[..., :-1]) > labels.size / 3:
+        raise ValueError(no_labels)
+    values = np.unique(labels)
+    return labels, len(values) <= 2 and values[0] == 0
+
+
+def _has_voxels(path: Path) -> bool:
+    """Tell whether a file has several pages, or is a NumPy array of three dimensions."""
+    import numpy as np
+
+    from cvtimg.pictures import image_info
+
+    if path.suffix.lower() == ".npy":
+        return bool(np.load(path, mmap_mode="r").ndim == 3)
+    return image_info(path).kind == "pages"
+
+
+def _voxels(path: Path) -> Array:
+    """Read a stack of labels (D, H, W)."""
+    import numpy as np
+
+    from cvtimg.labels.files import one_band
+    from cvtimg.pictures import read_pages
+
+    values = np.load(path) if path.suffix.lower() == ".npy" else np.stack(read_pages(path).images)
+    values = one_band(values) if values.ndim == 4 else values
+    if values.ndim != 3 or values.dtype.kind not in "bui":
+        raise ValueError(f"has voxels of shape {values.shape} and type {values.dtype}, neither a mask nor labels")
+    return values
+
+
+def read_size(path: Path) -> Array:
+    """Read a gray image of sizes, with the values that the file has."""
+    import cvtimg
+
+    size = cvtimg.read_image(path)
+    if size.ndim == 3 and (size[..., :3] != size[..., :1]).any():
+        raise ValueError(f"--size {path} must be a gray image; this one has colors")
+    return size[..., 0] if size.ndim == 3 else size
+
+
+def named(mesh: Mesh, names: list[tuple[str, list[float]]]) -> Mesh:
+    """Name regions by their labels, and the edges of borders whose middles are in boxes."""
+    import numpy as np
+
+    slack = 1e-9 * float(np.ptp(mesh.points, axis=0).max())
+    regions = {int(numbers[0]): name for name, numbers in names if len(numbers) == 1}
+    boxes = {name: np.sort(np.reshape(numbers, (2, 2)), axis=0) for name, numbers in names if len(numbers) == 4}
+    borders = {
+        name: lambda places, box=box: ((places >= box[0] - slack) & (places <= box[1] + slack)).all(axis=1)
+        for name, box in boxes.items()
+    }
+    if len(regions) + len(borders) < len(names):
+        raise ValueError("--name must have each name and each label once")
+    known = {tag: name for (of, tag), name in mesh.names.items() if of == 2}
+    return mesh.named(regions=known | regions, borders=borders)
+
+
+def warn_of_degrees(mesh: Mesh) -> None:
+    """Say that degrees were taken as lengths, if coordinates look like longitude and latitude."""
+    from cvtimg.meshes.projection import looks_like_degrees
+
+    if looks_like_degrees(mesh.points):
+        warn("degrees are taken as lengths; --project auto meshes in km", stacklevel=1)

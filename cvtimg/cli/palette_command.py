@@ -5,10 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from cvtimg.batch import Report, Row, Stopwatch, Task
-from cvtimg.cli.running import Todo, plan_of, planned
+from cvtimg.cli.running import Given, Report, Row, Stopwatch, Task, Todo, plan_of, planned
 from cvtimg.options.quantize_options import DEFAULT_COLORS, MAIN_COLORS
-from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     from cvtimg._shared.types import Array, Ints64

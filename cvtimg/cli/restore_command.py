@@ -13,11 +13,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, find
+from cvtimg.batch import InputsFailedError, find
 from cvtimg.batch.pipes import is_pipe, stem_of
 from cvtimg.batch.tasks import Missing
-from cvtimg.cli.running import Todo, plan_of, planned, plot
-from cvtimg.options.record import Given
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 
 if TYPE_CHECKING:
     from cvtimg._shared.types import Array, Bools, Floats

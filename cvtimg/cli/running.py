@@ -10,11 +10,16 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from cvtimg._shared.choices import Options
-from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_each, plan_one, run
+from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError
 from cvtimg.batch.pipes import is_standard
-from cvtimg.batch.plans import Outputs, Pattern
+from cvtimg.batch.plans import Outputs, Pattern, plan_each, plan_one
+from cvtimg.batch.runner import run
 from cvtimg.options.common import READING
 from cvtimg.options.record import Given
+
+# Commands get from here what all of them need.
+__all__ = ["Given", "Plan", "Report", "Row", "Stopwatch", "Task", "Todo", "WrongUsageError", "only", "plan_of",
+           "planned", "plot", "read_beside", "running_of", "selected"]  # fmt: skip
 
 #: What is left to do when a command line is read: what runs its plan, and returns the exit status.
 Todo: TypeAlias = Callable[[], int]

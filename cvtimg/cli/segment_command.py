@@ -8,11 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from cvtimg._shared.budgets import MAX_COLORS
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.joint_table import JointTable
-from cvtimg.cli.running import Todo, only, plan_of, planned
-from cvtimg.cli.segment_outputs import OF_LINES, check_room, kind_of, outputs_of, write_outputs
-from cvtimg.options.record import Given
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, only, plan_of, planned
+from cvtimg.cli.segment_outputs import OF_LINES, JointTable, check_room, kind_of, outputs_of, write_outputs
 
 if TYPE_CHECKING:
     from cvtimg.segmentation.result import Segmentation

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned
-from cvtimg.options.record import Given
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned
 
 EXAMPLES = """\
   cvtimg stipple portrait.jpg -n 20000 -o portrait.svg

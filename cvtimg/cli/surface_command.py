@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from cvtimg.batch import Row, Stopwatch, Task
-from cvtimg.cli.running import Todo, plan_of, planned, plot
-from cvtimg.options.record import Given
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, plan_of, planned, plot
 
 EXAMPLES = """\
   cvtimg surface scan.stl -n 5000

@@ -28,7 +28,7 @@ _MODULES = {
     "cluster": "sample_options",
     "elbow": "sample_options",
     "design": "sample_options",
-    "basis": "basis_options",
+    "basis": "sample_options",
     "explore": "common",
 }
 #: Panels of ``--help`` in their order, each with the names of its options; the first has all others.

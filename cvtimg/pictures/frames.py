@@ -14,11 +14,10 @@ import numpy as np
 from cvtimg._shared.checks import check_choice, check_in_range, check_that
 from cvtimg._shared.types import Array, Bytes
 from cvtimg.files.whole import StrPath
-from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
+from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel, composed
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.decoding import decode, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
-from cvtimg.pictures.formats.gif import composed
 from cvtimg.pictures.formats.header import read_header
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import ANIMATED, check_size, open_picture, orientation, reading, writing

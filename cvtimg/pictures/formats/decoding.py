@@ -14,8 +14,8 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg._shared.pixels import with_mark
 from cvtimg._shared.types import Array
+from cvtimg.pictures.formats.animated import composed
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy, upright
-from cvtimg.pictures.formats.gif import composed
 from cvtimg.pictures.formats.opening import open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
 from cvtimg.pictures.formats.png_chunks import described
