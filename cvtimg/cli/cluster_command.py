@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 
 if TYPE_CHECKING:
+    from cvtimg.blocks import Blocks
     from cvtimg.engine import Tessellation
+    from cvtimg.tables import Table
 
 EXAMPLES = """\
   cvtimg cluster trees.csv -k 5
@@ -92,51 +94,35 @@ def told_left_out(left_out: Mapping[str, str]) -> dict[str, Any]:
 def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import tessellate
     from cvtimg.batch.executors import on_cluster_of_task
-    from cvtimg.blocks import Spread, open_blocks
     from cvtimg.elbow.curves import auto_count
-    from cvtimg.tables import files, read_table, write_clusters, write_row_labels
-    from cvtimg.tables.files import write_generators
+    from cvtimg.tables import files
 
-    is_large = files.is_large_table(task.source)
-    with on_cluster_of_task() if is_large else nullcontext():
-        opened: Any = open_blocks(task.source, **given.read) if is_large else None
-        table = None if is_large else read_table(task.source, **given.read, dialect=given.dialect)
-        spread = Spread.of(table.rows, table.weights) if table else files.spread_of(opened)
+    with on_cluster_of_task() if files.is_large_table(task.source) else nullcontext():
+        table = files.open_table(task.source, given.dialect, **given.read)
+        spread = files.spread_of(table)
         stopwatch.lap("read")
         scaling = spread.scaling if given.standardize else None
-        samples: Any
+        scaled = files.standardized(table, scaling) if scaling else table
+        is_sampled = given.number == "auto" or given.silhouette or "--plot" in task.outputs
         rows: Any
-        weights: Any
-        if table:
-            samples = rows = scaling.apply(table.rows) if scaling else table.rows
-            weights = table.weights
-        else:
-            samples = files.standardized(opened, scaling) if scaling else opened
-            is_sampled = given.number == "auto" or given.silhouette or "--plot" in task.outputs
-            rows, weights = files.sample_rows(samples, given.seed) if is_sampled else (None, None)
+        rows, weights = files.sample_rows(scaled, given.seed) if is_sampled else (None, None)
         how, curve = given.arguments, None
         if given.number == "auto":
-            volume_power, seed = given.volume_power, given.seed
-            how["n_generators"], curve = auto_count(rows, density=weights, volume_power=volume_power, rng=seed)
-        result = tessellate(samples, density=weights if table else None, **how)
+            power, seed = given.volume_power, given.seed
+            how["n_generators"], curve = auto_count(rows, density=weights, volume_power=power, rng=seed)
+        samples, density = (scaled.rows, scaled.weights) if isinstance(scaled, files.Table) else (scaled, None)
+        result = tessellate(samples, density=density, **how)
         stopwatch.lap("cluster")
-        if table is None:
-            n_rows = files.write_block_labels(task.output, result.labels, samples, overwrite=given.overwrite)
-        elif given.labels_only or task.output.suffix.lower() != ".csv":
-            write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
-        else:
-            how = {"dialect": given.dialect, "overwrite": given.overwrite}
-            write_clusters(task.output, task.source, result.labels, table.kept, **how)
+        n_rows = _write(task, result.labels, table, given)
         plot(task.outputs.get("--plot"), given, "draw_clusters", rows, result.generators)
-    names, left_out = (table or opened).names, (table or opened).left_out
     if path := task.outputs.get("--generators"):
         means = scaling.undo(result.generators) if scaling else result.generators
-        write_generators(path, names, means, result.masses, overwrite=given.overwrite)
+        files.write_generators(path, table.names, means, result.masses, overwrite=given.overwrite)
     total = spread.energy(scaling)
     row = {
         "rows": len(result.labels),
-        "left_out": (len(table.kept) if table else n_rows) - len(result.labels),
-        "columns": names,
+        "left_out": n_rows - len(result.labels),
+        "columns": table.names,
         "k": len(result.generators),
         "elbow": curve.elbows() if curve else None,
         **({"verdict": curve.verdict} if curve else {}),
@@ -144,14 +130,25 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "explained": max(1 - result.energy / total, 0.0) if total else 1.0,
         "n_iter": result.n_iter,
         "converged": result.converged,
-        **({"silhouette": _silhouette(rows, result, given, table and result.labels)} if given.silhouette else {}),
-        **told_left_out(left_out),
+        **({"silhouette": _silhouette(rows, result, given, samples is rows)} if given.silhouette else {}),
+        **told_left_out(table.left_out),
     }
     stopwatch.lap("write")
     return row
 
 
-def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any) -> float | None:
+def _write(task: Task, labels: Any, table: Table | Blocks, given: Given) -> int:
+    """Write the columns of a table with its clusters, or the labels alone; return the number of its rows."""
+    from cvtimg.tables import files
+
+    if not isinstance(table, files.Table) or given.labels_only or task.output.suffix.lower() != ".csv":
+        return files.write_all_labels(task.output, labels, table, overwrite=given.overwrite)
+    how = {"dialect": given.dialect, "overwrite": given.overwrite}
+    files.write_clusters(task.output, task.source, labels, table.kept, **how)
+    return len(table.kept)
+
+
+def _silhouette(rows: Any, result: Tessellation, given: Given, are_known: bool) -> float | None:
     """Return scikit-learn's mean silhouette of some rows, None if they are of one cluster."""
     import numpy as np
     from scipy.spatial.distance import cdist
@@ -161,5 +158,5 @@ def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any) -> f
     metrics = optional("sklearn.metrics", "sklearn", "--silhouette needs")
     drawn = np.random.default_rng(given.seed).permutation(len(rows))[:_SILHOUETTE_ROWS]
     some = rows[drawn]
-    labeled = cdist(some, result.generators).argmin(axis=1) if labels is None else labels[drawn]
+    labeled = result.labels[drawn] if are_known else cdist(some, result.generators).argmin(axis=1)
     return float(metrics.silhouette_score(some, labeled)) if 1 < len(np.unique(labeled)) < len(some) else None

@@ -94,8 +94,7 @@ def _read(source: Path, given: Given) -> tuple[Any, Array | None, Array | None, 
     """Read the samples, the image if the file is one, the weights of rows, and why columns were left out."""
     from cvtimg.blocks import Spread
     from cvtimg.pictures.stacks import read_whole
-    from cvtimg.tables import read_table
-    from cvtimg.tables.files import is_table
+    from cvtimg.tables.files import is_table, open_table, sample_rows
 
     if not is_table(source):
         if wrong := given.chosen("columns", "weight", "standardize"):
@@ -104,18 +103,10 @@ def _read(source: Path, given: Given) -> tuple[Any, Array | None, Array | None, 
         return image, image, None, {}
     if given.space != "rgb":
         raise ValueError(f"--space {given.space} is for images; a table has no color space")
-    from cvtimg.blocks import open_blocks
-    from cvtimg.tables.files import is_large_table, sample_rows
-
-    if is_large_table(source):
-        blocks = open_blocks(source, **given.read)
-        weighted: tuple[Any, Any] = sample_rows(blocks, given.seed)
-        left_out = blocks.left_out
-    else:
-        table = read_table(source, **given.read, dialect=given.dialect)
-        weighted, left_out = (table.rows, table.weights), table.left_out
-    rows, weights = weighted
-    return Spread.of(rows, weights).scaling.apply(rows) if given.standardize else rows, None, weights, left_out
+    table = open_table(source, given.dialect, **given.read)
+    rows, weights = sample_rows(table, given.seed)
+    rows = Spread.of(rows, weights).scaling.apply(rows) if given.standardize else rows
+    return rows, None, weights, table.left_out
 
 
 def _curve_lines(curve: EnergyCurve, picks: Mapping[str, int]) -> Iterator[str]:

@@ -18,7 +18,7 @@ from cvtimg._shared.checks import check_choice, check_shape, check_that
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.types import Array, Bools, Floats, Ints
-from cvtimg.blocks.opening import BLOCK_SUFFIXES
+from cvtimg.blocks.opening import BLOCK_SUFFIXES, open_blocks
 from cvtimg.blocks.passes import Block, blocks_of, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.blocks.spread import Scaling, Spread
@@ -316,9 +316,16 @@ def is_large_table(path: Path) -> bool:
     return kind in (".parquet", ".zarr")
 
 
-def spread_of(blocks: Blocks) -> Spread:
+def open_table(path: Path, dialect: Dialect | None, **reading: Any) -> Table | Blocks:
+    """Read a table as `read_table` does, or open it in blocks if it is large."""
+    return open_blocks(path, **reading) if is_large_table(path) else read_table(path, **reading, dialect=dialect)
+
+
+def spread_of(table: Table | Blocks) -> Spread:
     """Measure all rows in one pass; at least one must have a positive weight."""
-    spread = over_blocks(blocks, _spread_of_block, Spread.total)
+    if isinstance(table, Table):
+        return Spread.of(table.rows, table.weights)
+    spread = over_blocks(table, _spread_of_block, Spread.total)
     check_that("at least one row", spread.mass > 0, "be complete and of positive weight")
     return spread
 
@@ -328,22 +335,28 @@ def _spread_of_block(block: Block) -> Spread:
     return Spread.total([Spread.of(*piece) for piece in block.pieces()] or [Spread.of(nothing, np.zeros(0))])
 
 
-def standardized(blocks: Blocks, scaling: Scaling) -> Blocks:
-    """Return rows that are scaled as they are read."""
-    return replace(blocks, rows=blocks.rows.map_blocks(scaling.apply, dtype=np.float64))
+def standardized(table: Table | Blocks, scaling: Scaling) -> Table | Blocks:
+    """Return rows that are scaled, those in blocks as they are read."""
+    if isinstance(table, Table):
+        return replace(table, rows=scaling.apply(table.rows))
+    return replace(table, rows=table.rows.map_blocks(scaling.apply, dtype=np.float64))
 
 
-def sample_rows(blocks: Blocks, rng: int) -> tuple[Array, Floats]:
-    """Draw about a million rows of positive weight; return them and their weights."""
-    surveyed = survey(blocks, 1, np.random.default_rng(rng))
+def sample_rows(table: Table | Blocks, rng: int) -> tuple[Array, Floats | None]:
+    """Return all rows of a table and their weights, or about a million of positive weight that are drawn of blocks."""
+    if isinstance(table, Table):
+        return table.rows, table.weights
+    surveyed = survey(table, 1, np.random.default_rng(rng))
     return surveyed.rows, surveyed.weights
 
 
-def write_block_labels(path: StrPath, labels: Any, blocks: Blocks, *, overwrite: bool = False) -> int:
-    """Write the labels of rows in blocks as `write_row_labels` does, and return the number of rows of the file."""
-    given = labels if blocks.kept is None else blocks.kept
-    n_rows = int(given.shape[0])
-    write_label_parts(path, n_rows, _parts(labels, blocks.kept), overwrite=overwrite)
+def write_all_labels(path: StrPath, labels: Any, table: Table | Blocks, *, overwrite: bool = False) -> int:
+    """Write the labels of rows as `write_row_labels` does, and return the number of rows of the file."""
+    if isinstance(table, Table):
+        write_row_labels(path, labels, table.kept, overwrite=overwrite)
+        return len(table.kept)
+    n_rows = int((labels if table.kept is None else table.kept).shape[0])
+    write_label_parts(path, n_rows, _parts(labels, table.kept), overwrite=overwrite)
     return n_rows
 
 
