@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 
-from cvtimg.batch import Row, Stopwatch, Task
+from cvtimg.batch.tasks import Row, Stopwatch, Task
 from cvtimg.files.whole import whole_file
 
 

@@ -117,7 +117,7 @@ def _outcome(job: Future[Outcome], task: Task) -> Outcome:
             n_lost = getattr(error, "allowed_failures", 0) + 1
             return Outcome(_LOST, ((task.name, f"{n_lost} workers were lost while they worked on it"),))
         why = reason(task.name, error)
-    return Outcome.failed(task, why)
+    return Outcome(None, ((task.name, why),))
 
 
 class _Worker:
@@ -166,7 +166,6 @@ def _context(late: tuple[str, ...]) -> Any:
 
 
 def _begin(n_threads: int) -> None:
-    """Begin a worker process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that partial files are removed
     limit_threads(n_threads)

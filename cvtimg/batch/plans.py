@@ -214,7 +214,6 @@ def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = F
 
 
 def _check_link(path: Path, folders: Sequence[Path], *, in_place: bool) -> None:
-    """Refuse to replace a file elsewhere through a symbolic link."""
     # In place, the file may be anywhere in the folder that is an input; otherwise it may be beside the link.
     given = [folder for folder in folders if folder in path.parents] if in_place else [path.parent]
     if is_remote(path) or not (path.is_symlink() or (in_place and given)):

@@ -141,7 +141,6 @@ def _width(text: str) -> int:
 
 
 def _cell(column: str, value: Any) -> str:
-    """Format a value of a row for the table."""
     if column == "psnr":
         return "exact" if value is None else f"{value:.2f}"
     if column.endswith("_bytes"):
@@ -161,7 +160,6 @@ def _cell(column: str, value: Any) -> str:
 
 
 def _size(n_bytes: int) -> str:
-    """Format a size to three digits, in powers of 1000 bytes."""
     value, units = float(n_bytes), ["B", "kB", "MB", "GB", "TB"]
     while value >= 999.5 and len(units) > 1:
         value, units = value / 1000, units[1:]

@@ -214,8 +214,8 @@ def fold(
     def results() -> Iterator[Any]:
         with _performed(attempt, tasks, running) as outcomes:
             for place, outcome in outcomes:
-                if outcome.why:
-                    failed[tasks[place].source] = outcome.why
+                if outcome.failures:
+                    failed[tasks[place].source] = outcome.failures[0][1]
                 else:
                     yield outcome.result
 
@@ -252,7 +252,6 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
 
 
 def _count(task: Task, *, work: Callable[[Task], Any]) -> Outcome:
-    """Do work without outputs, and return its result."""
     here = replace(task, outputs={})
     try:
         with _copies(here, Running()) as here:
@@ -266,11 +265,10 @@ def _failed(task: Task, error: Exception) -> Outcome:
         failed = [(task.wording(name), task.wording(reason(name, why))) for name, why in error.failed]
         return Outcome(None, tuple(failed))
     text = task.wording(reason(task.source if task.sources else task.name, error))
-    return Outcome.failed(task, text.removeprefix(f"{task.name}: "))
+    return Outcome(None, ((task.name, text.removeprefix(f"{task.name}: ")),))
 
 
 def _n_bytes(column: str, files: Sequence[Path]) -> Row:
-    """Return the size of the first file, if it is a regular file."""
     return {column: files[0].stat().st_size} if files and files[0].is_file() else {}
 
 
@@ -338,7 +336,6 @@ def _performed(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Gen
 
 
 def _jobs_worthwhile(tasks: Sequence[Task], least: int = 8 << 20, of_input: int = 1 << 17) -> int:
-    """Return the default number of workers."""
     # Below the `least` bytes of inputs, about 13 photographs of 768 x 512, starting workers takes longer than it saves.
     # Bytes that the start of an input costs beside those it has.
     n_bytes = 0

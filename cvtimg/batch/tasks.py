@@ -95,11 +95,6 @@ class Outcome:
     result: Any
     failures: tuple[tuple[str, str], ...] = ()
 
-    @classmethod
-    def failed(cls, task: Task, why: str) -> Outcome:
-        """Return the outcome of a task that failed as a whole."""
-        return cls(None, ((task.name, why),))
-
     @property
     def rows(self) -> list[Row]:
         """Its rows in the report, with their status; columns whose names begin with "_" are not in it."""
@@ -107,11 +102,6 @@ class Outcome:
             return [{"status": "failed", "input": name, "error": why} for name, why in self.failures]
         row = {name: value for name, value in self.result.items() if not name.startswith("_")}
         return [{"status": "skipped" if row.get("skipped") else "done", **row}]
-
-    @property
-    def why(self) -> str:
-        """The reason for the first failure, or an empty string."""
-        return self.failures[0][1] if self.failures else ""
 
 
 Attempt: TypeAlias = Callable[[Task], Outcome]

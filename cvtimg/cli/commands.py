@@ -24,8 +24,8 @@ import typer
 from typer.completion import get_completion_inspect_parameters, install_callback, show_callback
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
-from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
+from cvtimg.batch.tasks import WrongUsageError
 from cvtimg.cli.overview import COMMANDS, help_of, help_on, overview, whole_help_of
 from cvtimg.cli.running import Todo
 from cvtimg.options import PANELS, options_of

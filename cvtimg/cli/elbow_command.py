@@ -110,7 +110,6 @@ def _read(source: Path, given: Given) -> tuple[Any, Array | None, Array | None, 
 
 
 def _curve_lines(curve: EnergyCurve, picks: Mapping[str, int]) -> Iterator[str]:
-    """Yield a line for each k with the rules that pick it."""
     psnr = curve.psnr
     yield (f"\n{'k':>5}  {'energy':>11}  {'explained':>9}  {'psnr':>6}  picked by")
     for k, (energy, share) in enumerate(zip(curve.energies, curve.explained, strict=True), 1):

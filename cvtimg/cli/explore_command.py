@@ -7,8 +7,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from cvtimg._shared.extras import needs
-from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
+from cvtimg.batch.tasks import WrongUsageError
 from cvtimg.options.record import Given
 
 EXAMPLES = """\

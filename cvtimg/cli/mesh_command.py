@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 from cvtimg._shared.choices import Options
-from cvtimg.batch import check_suffix
+from cvtimg.batch.plans import check_suffix
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, plan_of, planned, plot
 
 if TYPE_CHECKING:
@@ -103,15 +103,10 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
     stopwatch.lap("mesh")
     result.save(task.output, overwrite=given.overwrite)
     stopwatch.lap("write")
-    return {
-        **result.summary(),
-        **(asdict(result.measures()) if given.measures else {}),
-        **(
-            {"labels": {tag: asdict(measures) for tag, measures in result.measures_by_label().items()}}
-            if given.measures
-            else {}
-        ),
-    }
+    if not given.measures:
+        return result.summary()
+    labels = {tag: asdict(measures) for tag, measures in result.measures_by_label().items()}
+    return {**result.summary(), **asdict(result.measures()), "labels": labels}
 
 
 POLYGON_SUFFIXES = (".geojson", ".json", ".wkt", ".wkb", ".csv")
@@ -179,7 +174,7 @@ def read_segments(path: Path, label: int | None) -> tuple[Array, bool]:
 
     no_labels = f"is no mask and no labels; divide it first: cvtimg segment {path} -o labels.png"
     try:
-        labels = _voxels(path) if _has_voxels(path) else read_labels(path)
+        labels = voxels if (voxels := _voxels(path)) is not None else read_labels(path)
     except TypeError as error:  # floating point
         raise ValueError(no_labels) from error
     if label is not None:
@@ -193,25 +188,19 @@ def read_segments(path: Path, label: int | None) -> tuple[Array, bool]:
     return labels, len(values) <= 2 and values[0] == 0
 
 
-def _has_voxels(path: Path) -> bool:
-    """Tell whether a file has several pages, or is a NumPy array of three dimensions."""
-    import numpy as np
-
-    from cvtimg.pictures import image_info
-
-    if path.suffix.lower() == ".npy":
-        return bool(np.load(path, mmap_mode="r").ndim == 3)
-    return image_info(path).kind == "pages"
-
-
-def _voxels(path: Path) -> Array:
-    """Read a stack of labels (D, H, W)."""
+def _voxels(path: Path) -> Array | None:
+    """Read a stack of labels (D, H, W): a file of several pages, or an array of three dimensions; None of others."""
     import numpy as np
 
     from cvtimg.labels.files import one_band
-    from cvtimg.pictures import read_pages
+    from cvtimg.pictures import image_info, read_pages
 
-    values = np.load(path) if path.suffix.lower() == ".npy" else np.stack(read_pages(path).images)
+    is_array = path.suffix.lower() == ".npy"
+    if not is_array and image_info(path).kind != "pages":
+        return None
+    values: Array = np.load(path) if is_array else np.stack(read_pages(path).images)
+    if is_array and values.ndim != 3:
+        return None
     values = one_band(values) if values.ndim == 4 else values
     if values.ndim != 3 or values.dtype.kind not in "bui":
         raise ValueError(f"has voxels of shape {values.shape} and type {values.dtype}, neither a mask nor labels")

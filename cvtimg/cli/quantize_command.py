@@ -15,10 +15,11 @@ import typer
 
 from cvtimg._shared.choices import Options
 from cvtimg._shared.extras import needs
-from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, searched
 from cvtimg.batch.pipes import is_pipe
-from cvtimg.batch.report import complain
-from cvtimg.batch.runner import check_plan
+from cvtimg.batch.plans import Plan, check_suffix, searched
+from cvtimg.batch.report import Report, complain
+from cvtimg.batch.runner import Running, check_plan, fold
+from cvtimg.batch.tasks import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, only, plan_of, planned, running_of, selected
 from cvtimg.options.record import Given
 
@@ -174,7 +175,6 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Option
 
 
 def _name(source: Path, *, given: Given) -> str:
-    """Return the name pattern of the output."""
     if given.in_place:
         return f"{{}}{source.suffix}"
     from cvtimg.pictures.files import suffix_for
@@ -204,7 +204,6 @@ def _share(
 
 
 def _count_known(task: Task, *, given: Given) -> ColorSamples:
-    """Count the colors of the pixels of an image that are not left out."""
     from cvtimg import read_image
     from cvtimg.colors.counting import count_picture
     from cvtimg.pictures import image_info

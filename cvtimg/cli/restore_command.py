@@ -13,9 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cvtimg.batch import InputsFailedError, find
 from cvtimg.batch.pipes import is_pipe, stem_of
-from cvtimg.batch.tasks import Missing
+from cvtimg.batch.plans import find
+from cvtimg.batch.tasks import InputsFailedError, Missing
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 
 if TYPE_CHECKING:

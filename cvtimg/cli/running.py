@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from cvtimg._shared.choices import Options
-from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError
 from cvtimg.batch.pipes import is_standard
-from cvtimg.batch.plans import Outputs, Pattern, plan_each, plan_one
-from cvtimg.batch.runner import run
+from cvtimg.batch.plans import Outputs, Pattern, Plan, plan_each, plan_one
+from cvtimg.batch.report import Report
+from cvtimg.batch.runner import Running, run
+from cvtimg.batch.tasks import InputsFailedError, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.options.common import READING
 from cvtimg.options.record import Given
 

@@ -12,8 +12,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cvtimg.batch import Plan, Report, Row, Task, WrongUsageError, check_suffix
-from cvtimg.batch.plans import Pattern
+from cvtimg.batch.plans import Pattern, Plan, check_suffix
+from cvtimg.batch.report import Report
+from cvtimg.batch.tasks import Row, Task, WrongUsageError
 from cvtimg.files.remote import exists, local_copy
 from cvtimg.options.record import Given
 from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS

@@ -70,7 +70,6 @@ def _refinement(text: str) -> tuple[Any, ...]:
 
 
 def _width(text: str) -> float | Path:
-    """Read a number of km, or the name of a file."""
     with suppress(ValueError):
         width = float(text.removesuffix("km"))
         if width > _WIDEST:
@@ -162,7 +161,6 @@ def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given) -> None:
 
 
 def _local(option: str, path: Path) -> AbstractContextManager[Path]:
-    """Return a context in which a file is on this machine."""
     if not exists(path):
         raise FileNotFoundError(f"{option} {path}: no such file")
     return local_copy(path)

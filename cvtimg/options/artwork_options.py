@@ -12,7 +12,6 @@ _PER_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "": 1.0}
 
 
 def _length(text: str | float) -> float:
-    """Read a length such as 200mm, 20cm or 8in, in millimeters by default."""
     plain = str(text).strip()
     unit = next(unit for unit in _PER_MM if plain.endswith(unit))
     try:

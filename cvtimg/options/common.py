@@ -77,7 +77,6 @@ def color_bits(text: str | Sequence[int]) -> tuple[int, ...]:
 
 
 def _tints(text: str) -> tuple[str, ...]:
-    """Parse colors with commas between them; auto is none."""
     from cvtimg.pictures.showing import tint
 
     tints = () if text == "auto" else names(text)

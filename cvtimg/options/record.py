@@ -19,9 +19,10 @@ from typing import Any, NamedTuple, TypeAlias
 from cvtimg._shared.choices import Options
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import reworded
-from cvtimg.batch import WrongUsageError, check_suffix
 from cvtimg.batch.pipes import STANDARD
+from cvtimg.batch.plans import check_suffix
 from cvtimg.batch.report import reason
+from cvtimg.batch.tasks import WrongUsageError
 
 
 class Real(NamedTuple):

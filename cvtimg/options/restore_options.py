@@ -14,7 +14,6 @@ from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passe
 
 
 def _weights(text: str) -> list[float]:
-    """Parse weights separated by commas."""
     with suppress(ValueError):
         weights = [float(word) for word in text.split(",")]
         if all(0 < weight < math.inf for weight in weights):

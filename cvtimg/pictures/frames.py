@@ -177,7 +177,6 @@ def with_channels(image: Array, n_channels: int) -> Array:
 
 
 def _cels(images: Sequence[Array], palettes: Bytes | Sequence[Bytes] | None, *, indexed_png: bool) -> list[Cel]:
-    """Check images and palettes, and pair each frame with its palette."""
     if palettes is None:
         eight = all(image.dtype == np.uint8 and image.shape[2:] in ((), (3,), (4,)) for image in images)
         check_that("images without palettes", eight, "be (H, W), (H, W, 3) or (H, W, 4) uint8")

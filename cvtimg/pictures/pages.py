@@ -221,7 +221,6 @@ class _Decoded:
 
 
 def _chosen(source: _Decoded | StoredStack) -> Pages:
-    """Read the pages that are chosen."""
     chosen, alpha = selected(), isinstance(source, _Decoded) and source.alpha
     stack, numbers = source.stack.chosen(chosen)
     images = source.pages(numbers.tolist())
@@ -341,7 +340,6 @@ def one_page(pages: Pages, page: int | None) -> Array:
 
 
 def _values_of_pages(tiff: tifffile.TiffFile) -> Array:
-    """Return all pages as one array (P, H, W) or (P, H, W, C)."""
     flat = []
     for part in main_series(tiff):
         values, axes = part.asarray(maxworkers=n_threads()), part.axes

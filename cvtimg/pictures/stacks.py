@@ -200,7 +200,6 @@ def _mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Bools]:
 
 
 def _check_mask_size(path: StrPath, size: tuple[int, ...], shape: tuple[int, ...]) -> None:
-    """Raise ValueError if a mask, of (H, W) `size`, does not have the (H, W) `shape` of its image."""
     given, wanted = (f"{width} x {height} pixels" for height, width in (size, shape))
     check_that(f"the mask {path}", size == shape, f"have {wanted}, as the image, and has {given}")
 

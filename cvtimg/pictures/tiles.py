@@ -148,7 +148,6 @@ def needs_tiles(source: StrPath, target: StrPath) -> bool:
 
 
 def _open_tiff(path: StrPath) -> Bands:
-    """Open a TIFF with a single page."""
     with reading(path) as file:
         import tifffile
 
@@ -167,7 +166,6 @@ def _open_tiff(path: StrPath) -> Bands:
 
 
 def _check_page(page: Any) -> None:
-    """Reject pages that cannot be read in tiles."""
     color, coding = page.photometric.name, page.compression.name
     plain = color in ("MINISBLACK", "RGB") or (color, coding) == ("YCBCR", "JPEG")  # which is decoded to RGB
     problem = ""
@@ -185,7 +183,6 @@ def _check_page(page: Any) -> None:
 
 
 def _is_plain(page: Any) -> bool:
-    """Return whether all pixels are contiguous in the file."""
     return page.is_contiguous and not page.is_tiled and page.compression == 1
 
 
@@ -235,7 +232,6 @@ def _tiles(bands: Iterable[Band], side: int) -> Iterator[Band]:
 
 
 def _open_zarr(path: StrPath) -> Bands:
-    """Open an array, or the array "0" of a group."""
     array = _zarr_array(path)
     if array.ndim not in (2, 3) or 0 in array.shape or str(array.dtype) not in SAMPLES:
         raise OSError(
@@ -262,7 +258,6 @@ def _zarr_array(path: StrPath) -> Any:
 
 
 def _write_zarr(folder: Path, form: Form, bands: Iterable[Band]) -> None:
-    """Write an array into a folder."""
     import zarr
 
     chunks = (min(_CHUNK, form.shape[0]), min(_CHUNK, form.shape[1]), *form.shape[2:])

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from cvtimg import write_image
-from cvtimg.batch import Task, executors
-from cvtimg.batch.tasks import Outcome
+from cvtimg.batch import executors
+from cvtimg.batch.tasks import Outcome, Task
 from cvtimg.cli import app as cli
 
 distributed = pytest.importorskip("distributed")

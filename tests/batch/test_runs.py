@@ -19,7 +19,10 @@ import pytest
 import works
 
 from cvtimg import find_images, write_image
-from cvtimg.batch import Plan, Report, Running, Task, WrongUsageError, find, run
+from cvtimg.batch.plans import Plan, find
+from cvtimg.batch.report import Report
+from cvtimg.batch.runner import Running, run
+from cvtimg.batch.tasks import Task, WrongUsageError
 from cvtimg.cli import app as cli
 from cvtimg.files.whole import whole_file
 

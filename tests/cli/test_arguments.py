@@ -13,7 +13,7 @@ import pytest
 from commands import Run
 
 from cvtimg import write_image
-from cvtimg.batch import WrongUsageError
+from cvtimg.batch.tasks import WrongUsageError
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.options import options_of
 from cvtimg.options.record import Choice, Option, Pair, Real, Switch, Whole, collected

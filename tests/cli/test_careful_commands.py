@@ -13,7 +13,8 @@ from commands import RowOf, Run
 
 from cvtimg import find_images, read_image, read_palette, write_image
 from cvtimg.bases import read_basis
-from cvtimg.batch import WrongUsageError, find
+from cvtimg.batch.plans import find
+from cvtimg.batch.tasks import WrongUsageError
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.labels import read_labels
 from cvtimg.options import options_of

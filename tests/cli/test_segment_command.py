@@ -21,7 +21,7 @@ from scipy.ndimage import gaussian_filter
 
 from cvtimg import find_contours, find_edges, read_image, segment, segment_hierarchy, write_image
 from cvtimg._shared.types import Array
-from cvtimg.batch import Task
+from cvtimg.batch.tasks import Task
 from cvtimg.cli import app as cli
 from cvtimg.cli import segment_command
 from cvtimg.cli.segment_outputs import KINDS

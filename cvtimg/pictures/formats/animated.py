@@ -55,7 +55,6 @@ def _box(wanted: Bools, step: int = 1) -> _Box:
 
 
 def _changes(cels: Sequence[Cel]) -> Iterator[Bools]:
-    """Yield for each frame an (H, W) mask of the pixels that differ from the previous frame."""
     before: Array | None = None
     for cel in cels:
         image = cel.image
@@ -218,7 +217,6 @@ def composed(file: BinaryIO) -> Iterator[Bytes]:
 
 
 def _parts(content: bytes) -> Iterator[_Part]:
-    """Yield each frame of a file."""
     table_end = 13 + _table_size(content[10])
     at, control = table_end, b""
     while at < len(content) and content[at] != _END:

@@ -51,7 +51,6 @@ def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 
 def _checked(values: Array, few_bands: int = 4, flat: int = 4) -> Array:
-    """Check that an array is an image, and move its bands to the last axis."""
     # A last axis of few values holds bands, however small the image is; otherwise a first axis that is shorter than the
     # others by the factor `flat` is doubtful: it may hold bands or pages.
     shape, axis = values.shape, selected().channel_axis

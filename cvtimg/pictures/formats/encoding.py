@@ -215,7 +215,6 @@ def _by_pillow(picture: _Picture) -> Image.Image:
 
 
 def _direct(image: Array, alpha: bool) -> _Picture:
-    """Check an array, and find its mode."""
     image = np.asarray(image)
     numbers = image.dtype.kind in "iuf" and image.dtype.itemsize <= 8 and image.dtype != np.float16
     fits = image.ndim in (2, 3) and (numbers or (image.dtype == bool and image.ndim == 2)) and image.size > 0
@@ -230,7 +229,6 @@ def _direct(image: Array, alpha: bool) -> _Picture:
 
 
 def _indexed(indices: Array, palette: Bytes, form: _Format) -> _Picture:
-    """Check indices, and keep them if the format has palettes with such alpha; else return colors."""
     indices, palette = np.asarray(indices), np.asarray(palette)
     check_indexed(indices, palette)
     alpha = np.sort(palette[:, 3]) if palette.shape[1] == 4 else np.array([255])

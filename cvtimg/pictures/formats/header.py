@@ -115,7 +115,6 @@ def read_stored(image: StoredStack) -> ImageInfo:
 
 
 def _chosen(header: ImageInfo) -> ImageInfo:
-    """Describe what is chosen."""
     chosen, is_composed = selected(), selected().composite is not None
     if is_composed:  # as a channel, in colors
         chosen = replace(chosen, channel="1")

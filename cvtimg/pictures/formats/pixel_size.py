@@ -117,7 +117,6 @@ class PixelSize:
 
 
 def _positive(value: Any) -> float | None:
-    """Return a finite number > 0, or None."""
     try:
         number = float(value)
     except (TypeError, ValueError):

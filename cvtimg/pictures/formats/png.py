@@ -22,8 +22,6 @@ from cvtimg.pictures.profiles import convert_deep
 
 
 class _Deflate(NamedTuple):
-    """Levels of libdeflate."""
-
     # Unfiltered indexed pixels: bytes relative to pngquant 2.17 with the same number of colors, mean of four
     # photographs of 0.4 megapixels, first without dithering at 256 colors, then with Floyd-Steinberg at 64; and time.
     #   zlib level 6       0.94, 1.03, 16 ms    level 9   0.93, 1.02, 31 ms

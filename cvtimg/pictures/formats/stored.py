@@ -102,7 +102,6 @@ def npy_stack(file: BinaryIO) -> StoredStack | None:
 
 
 def _with_axes(values: Array, form: str) -> StoredStack:
-    """Return an array as a stack with the axes that are said."""
     axes = (selected().axes or "").upper()
     if len(axes) != values.ndim or len(set(axes)) < len(axes) or not {"Y", "X"} <= {*axes}:
         raise UnfitContentError(f"holds an array of shape {values.shape}, whose axes cannot be {axes}")
@@ -145,7 +144,6 @@ def is_ngff(path: Any) -> TypeGuard[StrPath]:
 
 
 def _suffix_of(path: Any) -> str:
-    """Return the suffix of a path; nothing of other sources."""
     return Path(path).suffix.lower() if isinstance(path, (str, os.PathLike)) else ""
 
 
