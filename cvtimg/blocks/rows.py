@@ -123,9 +123,9 @@ def _dask_array(array: Any) -> Array:
     return da.from_array(array, chunks=(step, *array.shape[1:]))
 
 
-def block_length(row_bytes: int, most_rows: int = 1 << 22) -> int:
+def block_length(row_bytes: int) -> int:
     """Return the number of rows of a block, where the data do not come in blocks."""
-    return max(1, min(most_rows, BLOCK_BYTES // max(1, row_bytes)))
+    return max(1, BLOCK_BYTES // max(1, row_bytes))
 
 
 def dask_arrays() -> Any:

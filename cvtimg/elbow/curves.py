@@ -31,7 +31,7 @@ from cvtimg._shared.types import Floats, ImageLike
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained, judged
-from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method, random_numbers
+from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method
 from cvtimg.engine.points import Points, float32_suffices, pack
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve, line_through
 from cvtimg.engine.search import EFFORTS
@@ -234,7 +234,7 @@ def energy_curve(
     n_max = check_count("n_max", n_max, 1 << 16, "the largest number of generators")
     power = check_non_negative("volume_power", volume_power)
     alone = None if check_choice("effort", effort, EFFORTS) == "fast" else EFFORTS[effort]
-    generator, watch = random_numbers(rng), Watch(callback)
+    generator, watch = np.random.default_rng(rng), Watch(callback)
     weighted, scale, is_table = _weighted(samples, density, space)
     rows, line = weighted.rows, None if power else line_through(weighted.rows)
     rows, squared = (rows, 1.0) if line is None else (line.places[:, None], float((line.direction**2).sum()))

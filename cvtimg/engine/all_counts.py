@@ -35,7 +35,10 @@ def chain(
     ends: list[Iteration] = []
     one_step = conditions.until(Stopping.after(1))  # on all points, from generators found with fewer
     with part(0, SEARCHED if effort is None else 0.0):
-        links = _over_fewer(points, n_max, method, conditions)
+        fewer = fewer_points(points, n_max, _FEWER, conditions.rng)
+        links = _links(fewer, n_max, method, conditions)
+        if fewer is not points and len(links) < n_max and not conditions.watch.stopped:
+            links = _links(points, n_max, method, conditions)  # fewer points may lack rare samples
     for link in each(links):
         end = _measured(points, method(points, link.generators, one_step), conditions)
         if effort is not None:
@@ -51,14 +54,6 @@ def chain(
         if end.energies[-1] == 0 or conditions.watch.stopped:
             break
     return ends
-
-
-def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
-    fewer = fewer_points(points, n_max, _FEWER, conditions.rng)
-    links = _links(fewer, n_max, method, conditions)
-    if fewer is points or len(links) == n_max or conditions.watch.stopped:
-        return links
-    return _links(points, n_max, method, conditions)  # fewer points may lack rare samples
 
 
 def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions) -> list[Iteration]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cvtimg._shared.checks import as_samples, check_count, check_that, raise_unsupported
+from cvtimg._shared.checks import as_samples, check_count, check_that
 from cvtimg._shared.iteration import iterate
 from cvtimg._shared.types import Array, Floats, Ints, Ints64
 from cvtimg.blocks.passes import PIECE_ROWS, Block, map_rows, over_blocks
@@ -122,14 +122,6 @@ def sample_rows(blocks: Blocks, surveyed: Survey, n_generators: int) -> tuple[Ar
     return rows, weights
 
 
-def check_by_blocks(method: object, volume_power: float) -> None:
-    """Refuse what cannot be done with blocks, where only sums over cells are known."""
-    if method not in (None, "lloyd"):
-        raise_unsupported("method", method, "samples in blocks", ["'lloyd'"])
-    if volume_power:
-        raise_unsupported("volume_power", volume_power, "samples in blocks", ["0"])
-
-
 def descend(
     blocks: Blocks,
     frame: Frame,
@@ -153,7 +145,7 @@ def descend(
         if not conditions.watch.stopped:  # a search that was stopped is to be done again
             checkpoint.save(generators, known)
         # Whole places give sums of integers that are exact, and so the same for any blocks.
-        whole = _whole(blocks, generators)
+        whole = generators if blocks.rows.dtype.kind == "f" else np.rint(generators)
         moments = over_blocks(blocks, _moments_of_block, _total, generators, whole, frame)
         moments = moments.about(generators, generators - whole)
         known.append(float(moments.energies.sum()))
@@ -211,7 +203,8 @@ def _draw_from_block(
     numbers = np.random.Generator(np.random.PCG64(seed).advance(int(ends[block.number])))
     samples = [(as_samples("samples", block.rows[:0]), np.zeros(0))]
     for rows, weights in block.pieces():
-        chances = half * weights / mass + half * weights * _squares(rows, mean) / (energy or 1.0)
+        steps = rows - mean
+        chances = half * weights / mass + half * weights * np.einsum("nd,nd->n", steps, steps) / (energy or 1.0)
         drawn = numbers.random(len(rows)) < chances
         samples.append((rows[drawn], weights[drawn] / np.minimum(chances[drawn], 1.0)))
     return _joined(samples)
@@ -220,15 +213,6 @@ def _draw_from_block(
 def _joined(parts: Sequence[tuple[Array, Floats]]) -> tuple[Array, Floats]:
     rows, weights = zip(*parts, strict=True)
     return np.concatenate(rows), np.concatenate(weights)
-
-
-def _squares(rows: Array, place: Floats) -> Floats:
-    steps = rows - place
-    return np.asarray(np.einsum("nd,nd->n", steps, steps))
-
-
-def _whole(blocks: Blocks, generators: Floats) -> Floats:
-    return generators if blocks.rows.dtype.kind == "f" else np.rint(generators)
 
 
 def _moments_of_block(block: Block, generators: Floats, places: Floats, frame: Frame) -> RowMoments:

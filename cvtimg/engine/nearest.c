@@ -346,18 +346,14 @@ INLINE void nearest_in_group(const real *restrict tiles, const real *restrict bo
  * all lanes at once takes less than going from point to point. */
 enum { WORTH_ALL_LANES = 10, SUMS_AT_ONCE = 8 };
 
-static const real ONES[LANES] = {
-#define EIGHT_ONES 1, 1, 1, 1, 1, 1, 1, 1
-    EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES, EIGHT_ONES,
-};
-
+/* Without values, the sum of the weights. */
 INLINE double sum_products(const double *restrict weight, const real *restrict values)
 {
     double sums[SUMS_AT_ONCE] = {0};
 
     for (int i = 0; i < LANES; i += SUMS_AT_ONCE)
         for (int lane = 0; lane < SUMS_AT_ONCE; lane++)
-            sums[lane] += weight[i + lane] * values[i + lane];
+            sums[lane] += values ? weight[i + lane] * values[i + lane] : weight[i + lane];
     for (int half = SUMS_AT_ONCE / 2; half; half /= 2)
         for (int lane = 0; lane < half; lane++)
             sums[lane] += sums[lane + half];
@@ -379,7 +375,7 @@ INLINE int sum_one_cell(const real *restrict tile, int dims, const double *restr
     }
     for (int d = 0; d < dims; d++)
         cell[d] += sum_products(weight, tile + d * LANES);
-    cell[dims] += sum_products(weight, ONES);
+    cell[dims] += sum_products(weight, NULL);
     return n_members;
 }
 

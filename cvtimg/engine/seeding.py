@@ -74,7 +74,7 @@ def split(points: Points, n_generators: int, rng: np.random.Generator) -> Floats
         return kmeans_plus_plus(points, n_generators, rng)
     cells = _Cells.empty(n_generators, points.n_dims)
     labels = np.zeros(len(points.density), np.int32)
-    _gather(points, labels, np.zeros(1, np.intp), cells)
+    _divide(points, labels, first := np.zeros(1, np.intp), first, cells)
     divisible = np.ones(n_generators, bool)
     while (vacant := np.flatnonzero(cells.counts == 0)).size:
         energies = np.where(divisible, cells.energies, 0)
@@ -98,7 +98,7 @@ def halves(points: Points, labels: Ints, chosen: Indices, n_cells: int) -> tuple
         lower, upper = np.reshape(pairs, (-1, 2, points.n_dims)).swapaxes(0, 1)  # of no cell, too
         return lower, upper
     cells = _Cells.empty(n_cells, points.n_dims)
-    _gather(points, labels, chosen, cells)
+    _divide(points, labels, chosen, chosen, cells)
     means = cells.means[chosen]
     full = np.flatnonzero(cells.counts[chosen])
     axes, variances = cells.main_axes(chosen[full])
@@ -201,22 +201,14 @@ class TooFewSamplesError(ValueError):
         self.n_distinct = n_distinct
 
 
-def _gather(points: Points, labels: Ints, chosen: Indices, cells: _Cells) -> None:
-    """Count the points of some cells and sum their moments, by a division that puts all points on one side."""
-    children = np.full(len(cells.counts), -1, np.int32)
-    children[chosen] = chosen
-    axes = np.zeros((len(children), points.n_dims))
-    offsets = np.zeros(len(children))
-    _kernels.divide_cells(points.tiles, points.density, labels, children, axes, offsets, cells.counts, cells.moments)
-
-
 def _divide(points: Points, labels: Ints, chosen: Indices, children: Indices, cells: _Cells) -> None:
-    """Move the points above the middle of some cells to their children."""
-    axes = np.zeros((len(cells.counts), points.n_dims))
-    axes[chosen], _ = cells.main_axes(chosen)
-    offsets = np.einsum("kd,kd->k", axes, cells.means)
-    child_of = np.full(len(cells.counts), -1, np.int32)
+    """Move the points above the middle of some cells to their children; all of those that are their own children."""
+    axes, child_of = np.zeros((len(cells.counts), points.n_dims)), np.full(len(cells.counts), -1, np.int32)
     child_of[chosen] = children
+    if children is not chosen:
+        axes[chosen], _ = cells.main_axes(chosen)
+    offsets = np.einsum("kd,kd->k", axes, cells.means)
     _kernels.divide_cells(points.tiles, points.density, labels, child_of, axes, offsets, cells.counts, cells.moments)
-    cells.counts[chosen] -= cells.counts[children]
-    cells.moments[chosen] -= cells.moments[children]
+    if children is not chosen:
+        cells.counts[chosen] -= cells.counts[children]
+        cells.moments[chosen] -= cells.moments[children]

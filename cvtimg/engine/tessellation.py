@@ -22,13 +22,14 @@ from cvtimg._shared.checks import (
     check_non_negative,
     check_rows,
     check_that,
+    raise_unsupported,
 )
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
 from cvtimg._shared.records import PROVING, Claims, ReadOnly, equals, never_rises, prove
 from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
-from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method, random_numbers
+from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import (
     Frame,
@@ -192,7 +193,7 @@ def tessellate(
     )
     power = check_non_negative("volume_power", volume_power)
     watch = Watch(callback)
-    asked = _Asked(n_generators, method, init, settings, power, locked, random_numbers(rng), watch)
+    asked = _Asked(n_generators, method, init, settings, power, locked, np.random.default_rng(rng), watch)
     if is_blocked(samples):
         return _tessellate_blocks(as_blocks(samples, density), asked, effort, checkpoint)
     check_needs("checkpoint", checkpoint is not None, "samples in blocks", False)
@@ -326,9 +327,12 @@ class _Asked(NamedTuple):
 
 
 def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkpoint: StrPath | None) -> Tessellation:
-    from cvtimg.engine.block_descent import Checkpoint, check_by_blocks, descend, label_blocks, sample_rows, survey
+    from cvtimg.engine.block_descent import Checkpoint, descend, label_blocks, sample_rows, survey
 
-    check_by_blocks(asked.method, asked.volume_power)
+    if asked.method not in (None, "lloyd"):  # only sums over cells are known
+        raise_unsupported("method", asked.method, "samples in blocks", ["'lloyd'"])
+    if asked.volume_power:
+        raise_unsupported("volume_power", asked.volume_power, "samples in blocks", ["0"])
     locked = check_locked(asked.locked, asked.n_generators, blocks.n_dims)
     surveyed = survey(blocks, asked.n_generators, asked.rng)
     rows, weights = sample_rows(blocks, surveyed, asked.n_generators)

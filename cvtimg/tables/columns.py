@@ -94,44 +94,22 @@ def open_columns(path: Path, dialect: Dialect | None = None) -> Columns:
 
 
 class Columns:
-    """A file with columns."""
+    """A file with columns that have types; or that are texts, see `_Text`."""
 
-    path: Path
-    names: list[str]
-    named: bool  # whether the file gives the names
-    reasons: dict[str, str]  # why columns are not used unless they are asked for
+    def __init__(self, path: Path, names: Sequence[str], columns: Sequence[Any], *, named: bool) -> None:
+        self.path, self.names, self._columns = path, _distinct(names), columns
+        self.named = named  # whether the file gives the names
+        kinds = [column.dtype.kind if column.ndim == 1 else "V" for column in columns]
+        said = {"b": "truths", "M": "dates", "m": "durations", "c": "complex numbers", "V": "arrays"}
+        #: Why columns are not used unless they are asked for.
+        self.reasons = {
+            name: said.get(kind, "text")
+            for name, kind in zip(self.names, kinds, strict=True)
+            if named and kind not in "iuf"
+        }
 
     def values(self, columns: Sequence[int]) -> Floats:
         """Read (M, C) numbers, NaN where one is missing."""
-        raise NotImplementedError
-
-    def cells(self) -> Iterator[Sequence[Any]]:
-        """Go through all rows as they stand."""
-        raise NotImplementedError
-
-    def place(self, row: int) -> str:
-        """Say where a row is."""
-        return f"row {row} (from 0)"
-
-    def plain(self, row: Sequence[Any]) -> list[str]:
-        """Return a row as texts, numbers with a decimal point."""
-        return [str(cell) for cell in row]
-
-
-class _Arrays(Columns):
-    """Columns that have types."""
-
-    def __init__(self, path: Path, names: Sequence[str], columns: Sequence[Any], *, named: bool) -> None:
-        self.path, self.names, self.named, self._columns = path, _distinct(names), named, columns
-        kinds = [column.dtype.kind if column.ndim == 1 else "V" for column in columns]
-        self.reasons = {}
-        if named:
-            said = {"b": "truths", "M": "dates", "m": "durations", "c": "complex numbers", "V": "arrays"}
-            self.reasons = {
-                name: said.get(kind, "text") for name, kind in zip(self.names, kinds, strict=True) if kind not in "iuf"
-            }
-
-    def values(self, columns: Sequence[int]) -> Floats:
         for number in columns:
             column = self._columns[number]
             if column.dtype.kind not in "biuf" or column.ndim != 1:
@@ -140,7 +118,16 @@ class _Arrays(Columns):
         return np.stack([self._columns[number] for number in columns], axis=1).astype(np.float64)
 
     def cells(self) -> Iterator[Sequence[Any]]:
+        """Go through all rows as they stand."""
         return zip(*(column.tolist() for column in self._columns), strict=True)
+
+    def place(self, row: int) -> str:
+        """Say where a row is."""
+        return f"row {row} (from 0)"
+
+    def plain(self, row: Sequence[Any]) -> list[str]:
+        """Return a row as texts, numbers with a decimal point."""
+        return [str(cell) for cell in row]
 
 
 def _of_array(path: Path) -> Columns:
@@ -153,9 +140,9 @@ def _of_array(path: Path) -> Columns:
     if array.ndim not in ((1,) if array.dtype.names else (1, 2)):
         raise ValueError(f"{path}: array of shape {array.shape} must be (N,) or (N, D), (N,) if structured")
     if array.dtype.names:
-        return _Arrays(path, array.dtype.names, [array[name] for name in array.dtype.names], named=True)
+        return Columns(path, array.dtype.names, [array[name] for name in array.dtype.names], named=True)
     columns = list(array.T) if array.ndim == 2 else [array]
-    return _Arrays(path, _numbered(len(columns)), columns, named=False)
+    return Columns(path, _numbered(len(columns)), columns, named=False)
 
 
 def _of_arrow(path: Path) -> Columns:
@@ -171,7 +158,7 @@ def _of_arrow(path: Path) -> Columns:
         if column.null_count and (pyarrow.types.is_integer(column.type) or pyarrow.types.is_floating(column.type)):
             column = column.cast(pyarrow.float64())
         columns.append(column.to_numpy())
-    return _Arrays(path, table.column_names, columns, named=True)
+    return Columns(path, table.column_names, columns, named=True)
 
 
 class _Text(Columns):
@@ -201,7 +188,7 @@ class _Text(Columns):
             [name.strip() or number for name, number in zip(head, _numbered(len(head)), strict=True)]
         )
         self._unnamed = [not name.strip() for name in head]
-        self._lines, self._cells = self._by_column(below)
+        self._lines, self._columns = self._by_column(below)
 
     # Text and its rows
 
@@ -304,9 +291,6 @@ class _Text(Columns):
         """Whether a row is a single text, as titles and sources are."""
         return self._kind(row[0]) == "text" and not any(map(str.strip, row[1:]))
 
-    def cells(self) -> Iterator[Sequence[Any]]:
-        return zip(*(column.tolist() for column in self._cells), strict=True)
-
     def place(self, row: int) -> str:
         return f"{self._unit} {self._lines[row]}"
 
@@ -394,7 +378,7 @@ class _Text(Columns):
         """Why columns are left out: they hold no numbers, or number the rows."""
         said = {"text": "text", "date": "dates", "truth": "truths"}
         reasons, numbering = {}, {}
-        for column, (name, cells) in enumerate(zip(self.names, self._cells, strict=True)):
+        for column, (name, cells) in enumerate(zip(self.names, self._columns, strict=True)):
             counts = Counter(map(self._kind, cells[:_LOOKED_AT].tolist()))
             others = counts.total() - counts["number"] - counts["missing"]
             if others > counts["number"]:
@@ -409,7 +393,7 @@ class _Text(Columns):
         """Say how a column numbers the rows, if it does."""
         name, n_rows, numbers = self.names[column], len(self._lines), np.zeros(2, np.int64)
         with suppress(ValueError, OverflowError):
-            numbers = self._cells[column].astype(np.int64)
+            numbers = self._columns[column].astype(np.int64)
         if not n_rows or numbers[0] < 0 or (np.diff(numbers) <= 0).any():
             return None
         is_index = self.named and self._unnamed[column]  # as pandas writes it
@@ -422,7 +406,7 @@ class _Text(Columns):
         return np.stack([self._numbers(column) for column in columns], axis=1)
 
     def _numbers(self, column: int) -> Floats:
-        cells, numbers = self._cells[column], list[float]()
+        cells, numbers = self._columns[column], list[float]()
         if self._decimal == "." and not self._dialect.missing_values:
             with suppress(ValueError):
                 return cells.astype(np.float64)

@@ -244,12 +244,10 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return tessellate(rows, n_generators, density=weights, rng=int(seed), **how)
 
 
-def _measure(centers: Array, rows: Array, weights: Floats | None) -> tuple[Ints, float]:
+def _measure(centers: Array, rows: Array, weights: Floats) -> tuple[Ints, float]:
     """Return the index of the nearest generator of each sample, and the energy."""
-    density = np.ones(len(rows)) if weights is None else weights
     labels = _nearest(centers, rows)
-    moments = RowMoments.of(rows, density, centers.astype(np.float64), labels)
-    return labels, float(moments.energies.sum())
+    return labels, float(RowMoments.of(rows, weights, centers.astype(np.float64), labels).energies.sum())
 
 
 def _nearest(centers: Array, rows: Array) -> Ints:

@@ -134,17 +134,10 @@ def read_table(
     """
     check_choice("missing", missing, MISSING)
     with local_copy(path) as file:
-        return _read_table(file, columns, weight, missing, dialect)
-
-
-def _read_table(
-    path: Path, columns: Sequence[str] | None, weight: str | None, missing: str, dialect: Dialect | None
-) -> Table:
-    source = open_columns(path, dialect)
-    chosen = _choose(source, columns, weight)
+        source = open_columns(file, dialect)
+        chosen = _choose(source, columns, weight)
+        values = source.values(chosen)
     names = [source.names[number] for number in chosen]
-    values = source.values(chosen)
-
     absent = np.isnan(values)
     is_weight = np.arange(len(chosen)) == (-1 if weight is None else len(chosen) - 1)
     for faults, what in (

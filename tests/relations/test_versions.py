@@ -219,7 +219,9 @@ RELATIONS = [
         "means are rounded",
         error_of_mean,
     ),
-    Relation("denoise", "a hot pixel", ONE, error_of_floats, each(with_hot_pixel), close(0.1), LATER, "it is filled"),
+    Relation(
+        "denoise", "a hot pixel", ONE, error_of_floats, each(with_hot_pixel), close(0.3), LATER, "passes fill it first"
+    ),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
     Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, but_for_ties, LATER),
 ] + [

@@ -8,7 +8,7 @@ from __future__ import annotations
 from cvtimg._shared.checks import check_choice, raise_unsupported
 from cvtimg._shared.choices import MethodName
 from cvtimg._shared.iteration import Callback, Stopping, Watch
-from cvtimg.engine.methods._iteration import Conditions, Ends, Iterate, Iteration, Method, random_numbers
+from cvtimg.engine.methods._iteration import Conditions, Ends, Iterate, Iteration, Method
 from cvtimg.engine.methods.lloyd import lloyd
 from cvtimg.engine.methods.optimal1d import optimal1d
 from cvtimg.engine.methods.probabilistic import Probabilistic, macqueen
@@ -35,7 +35,6 @@ __all__ = [
     "Stopping",
     "Watch",
     "choose_method",
-    "random_numbers",
 ]
 
 

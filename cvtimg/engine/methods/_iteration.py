@@ -4,30 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg._shared.types import Floats, Ints
 from cvtimg.engine.points import Points, assign
-
-
-class _Draws:
-    """The random generator of a seed, which NumPy makes, and imports, when it is first drawn from."""
-
-    def __init__(self, rng: int | np.random.Generator) -> None:
-        self._rng = rng
-
-    def __getattr__(self, name: str) -> Any:
-        self._rng = np.random.default_rng(self._rng)
-        return getattr(self._rng, name)
-
-
-def random_numbers(rng: int | np.random.Generator) -> np.random.Generator:
-    """Return ``np.random.default_rng(rng)``; of a seed it is made when needed, as most searches draw nothing."""
-    late = isinstance(rng, int) and rng >= 0  # NumPy says what is wrong with another
-    return cast("np.random.Generator", _Draws(rng)) if late else np.random.default_rng(rng)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

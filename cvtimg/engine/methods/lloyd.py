@@ -5,15 +5,13 @@ S. Lloyd, IEEE Trans. Information Theory 28 (1982), doi 10.1109/TIT.1982.1056489
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Floats, Ints
 from cvtimg.engine import _kernels
-from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
+from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
 
@@ -42,29 +40,21 @@ def lloyd(points: Points, generators: Floats, conditions: Conditions) -> Iterati
     return Iteration(generators, *history, labels)
 
 
-class Cells(NamedTuple):
-    """Sets of generators with their energies, and the moments (n, K, D + 1) and labels (n, M) of their cells."""
+def descend_sets(points: Points, sets: Floats, stopping: Stopping, n_locked: int = 0) -> tuple[Floats, Floats, Ints]:
+    """Move (n, K, D) generators until they rest; also return moments (n, K, D + 1) and labels (n, M) of their cells.
 
-    ends: Ends
-    sums: Floats
-    labels: Ints
+    With no iterations, only the cells are found.
+    """
+    n_sets, n_generators, n_dims = sets.shape
+    moving, sums = sets.copy(), np.zeros((n_sets, n_generators, n_dims + 1))
+    labels, energies = np.full((n_sets, len(points.density)), -1, np.int32), np.zeros(n_sets)
+    lightest = points.density[points.density > 0].min()
+    rule = points.energy_about_origin, n_locked, lightest, stopping.tolerance, stopping.max_iterations
 
-    @classmethod
-    def after(cls, points: Points, sets: Floats, stopping: Stopping, n_locked: int = 0) -> Cells:
-        """Move the generators until they rest; with no iterations, only find their cells."""
-        n_sets, n_generators, n_dims = sets.shape
-        ends = Ends(sets.copy(), np.zeros(n_sets))
-        cells = cls(
-            ends, np.zeros((n_sets, n_generators, n_dims + 1)), np.full((n_sets, len(points.density)), -1, np.int32)
-        )
-        lightest = points.density[points.density > 0].min()
-        rule = points.energy_about_origin, n_locked, lightest, stopping.tolerance, stopping.max_iterations
+    def descend(start: int, stop: int) -> None:
+        scratch = np.empty((n_generators, n_dims), points.tiles.dtype), np.empty(n_generators, points.tiles.dtype)
+        moments = moving[start:stop], sums[start:stop], labels[start:stop]
+        _kernels.descend_sets(points.tiles, points.density, *rule, *moments, *scratch, energies[start:stop])
 
-        def descend(start: int, stop: int) -> None:
-            sets_here = slice(start, stop)
-            scratch = np.empty((n_generators, n_dims), points.tiles.dtype), np.empty(n_generators, points.tiles.dtype)
-            moments = ends.generators[sets_here], cells.sums[sets_here], cells.labels[sets_here]
-            _kernels.descend_sets(points.tiles, points.density, *rule, *moments, *scratch, ends.energies[sets_here])
-
-        in_parts(descend, n_sets, work=n_sets * points.tiles.size * n_generators)
-        return cells
+    in_parts(descend, n_sets, work=n_sets * points.tiles.size * n_generators)
+    return moving, sums, labels

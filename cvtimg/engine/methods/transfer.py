@@ -16,7 +16,7 @@ from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Floats, Ints
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
-from cvtimg.engine.methods.lloyd import Cells
+from cvtimg.engine.methods.lloyd import descend_sets
 from cvtimg.engine.points import Points, assign, cell_energies, cell_moments
 from cvtimg.engine.seeding import refill
 
@@ -51,17 +51,18 @@ def transfer_of_sets(points: Points, sets: Floats, conditions: Conditions) -> En
     """Sweep over the points from each of (n, K, D) sets of generators, until each rests; empty cells may fill."""
     # Lloyd's method does most of the way in less time, but cells that are weighted it would take astray.
     power = conditions.volume_power
-    cells = Cells.after(points, sets, Stopping.after(0) if power else conditions.stopping, conditions.n_locked)
-    masses = cells.sums[:, :, -1].copy()
+    stopping = Stopping.after(0) if power else conditions.stopping
+    means, moments, labels = descend_sets(points, sets, stopping, conditions.n_locked)
+    masses, sums = moments[:, :, -1].copy(), moments[:, :, :-1]
     free = (masses > 0) & (np.arange(masses.shape[1]) >= conditions.n_locked)
-    means = np.divide(cells.sums[:, :, :-1], masses[:, :, None], out=cells.ends.generators, where=free[:, :, None])
+    np.divide(sums, masses[:, :, None], out=means, where=free[:, :, None])
     if power or points.exact:
-        parts = np.stack([cell_energies(points, *of_set) for of_set in zip(means, cells.labels, strict=True)])
+        parts = np.stack([cell_energies(points, *of_set) for of_set in zip(means, labels, strict=True)])
     else:  # transfers change the sum alone, and go by nothing else
         parts = np.zeros(masses.shape)
-        norms, cross = masses[:, :, None] * means, cells.sums[:, :, :-1]
-        parts[:, 0] = points.energy_about_origin + np.einsum("nkd,nkd->n", means, norms - 2 * cross)
-    _sweep(points, cells.labels, masses, means, parts, conditions)
+        norms = masses[:, :, None] * means
+        parts[:, 0] = points.energy_about_origin + np.einsum("nkd,nkd->n", means, norms - 2 * sums)
+    _sweep(points, labels, masses, means, parts, conditions)
     return Ends(means, _weighted(masses / masses[0].sum(), parts, power))
 
 
