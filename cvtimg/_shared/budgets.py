@@ -3,8 +3,6 @@
 Those of memory suit machines of 8 GB. NumPy is not imported here, so that the options of ``--help`` may name them.
 """
 
-from __future__ import annotations
-
 #: Colors, segments or runs: as many as 16 bits number, which indices and labels are stored with.
 MAX_COLORS = 1 << 16
 #: Points of a grid or a mesh: with more, 32 bits do not number the edges between them.

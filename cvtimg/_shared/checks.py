@@ -3,8 +3,6 @@
 A module whose sentence is its own raises its own error.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Collection

@@ -3,8 +3,6 @@
 What the names stand for is in the registries; a test compares them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Literal, TypeAlias
 

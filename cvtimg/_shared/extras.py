@@ -1,7 +1,5 @@
 """Optional dependencies, and how to install them; and one that takes long to import."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any, Literal, TypeAlias
 

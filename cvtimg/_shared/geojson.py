@@ -1,7 +1,5 @@
 """Polygons as features of GeoJSON (RFC 7946)."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator
 from types import MappingProxyType

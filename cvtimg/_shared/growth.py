@@ -5,8 +5,6 @@ neighboring directions only, in any order. G. Borgefors, Distance transformation
 Graphics, and Image Processing 34 (1986) 344-371, doi 10.1016/S0734-189X(86)80047-0.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Errors said in one line, and warnings that name the line of the caller."""
 
-from __future__ import annotations
-
 import re
 import sys
 import warnings

@@ -1,7 +1,5 @@
 """Results of physical space as notebooks show them: drawn by matplotlib, where that is installed."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from io import BytesIO
 from itertools import combinations

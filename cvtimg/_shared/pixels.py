@@ -1,7 +1,5 @@
 """Images as arguments: arrays of any type, masked arrays, what has an array inside; alpha, and the white of a type."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records of results, which prove themselves where that is asked for."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import fields

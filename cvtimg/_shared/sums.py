@@ -1,7 +1,5 @@
 """Sums of what has one label, and what each label has."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Drawings as SVG: text in pieces, so that large ones need not be held as a whole; and how such text writes numbers."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Iterable, Iterator
 

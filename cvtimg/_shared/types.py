@@ -1,7 +1,5 @@
 """What functions take and return, by the names that many modules share."""
 
-from __future__ import annotations
-
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where tasks of a batch are done: in processes or on a Dask cluster. A worker that dies fails only its own task."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Copy pipes, such as standard input and output, to and from files, because images may be read more than once."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import stat

@@ -1,7 +1,5 @@
 """Plan a run: find the inputs that arguments name, name the outputs, and refuse conflicts before any work is done."""
 
-from __future__ import annotations
-
 import glob
 import os
 from collections import Counter

@@ -3,8 +3,6 @@
 A row is added to the file as soon as it is known, and the rows are put in their order at the end.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import os

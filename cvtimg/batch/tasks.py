@@ -1,7 +1,5 @@
 """One task of a batch: its inputs and outputs, the times of its stages, and its outcome."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -4,8 +4,6 @@
 in `cvtimg.cli.commands`.
 """
 
-from __future__ import annotations
-
 import atexit
 import gc
 import os

@@ -9,8 +9,6 @@ Typer does by itself:
 - Help comes from `cvtimg.cli.overview`: the usual calls and options on two screens.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """``cvtimg explore``: a page in the browser."""
 
-from __future__ import annotations
-
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path

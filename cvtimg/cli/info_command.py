@@ -1,7 +1,5 @@
 """``cvtimg info``: what image files hold."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict
 

@@ -1,7 +1,5 @@
 """``cvtimg mosaic``: images as convex tiles of one color each."""
 
-from __future__ import annotations
-
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, plan_of, planned
 
 EXAMPLES = """\

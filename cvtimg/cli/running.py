@@ -1,7 +1,5 @@
 """Run the plan of a command with the options that all commands share."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager

@@ -1,7 +1,5 @@
 """``cvtimg stipple``: images as dots for pen plotters, laser cutters and print."""
 
-from __future__ import annotations
-
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned
 
 EXAMPLES = """\

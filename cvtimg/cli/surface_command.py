@@ -1,7 +1,5 @@
 """``cvtimg surface``: evenly spaced points and triangles on surfaces."""
 
-from __future__ import annotations
-
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, plan_of, planned, plot
 
 EXAMPLES = """\

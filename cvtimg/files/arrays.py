@@ -1,7 +1,5 @@
 """Arrays in one .npz file with a tag that says what they are: saved whole, and read back from the same place."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

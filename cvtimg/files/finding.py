@@ -1,7 +1,5 @@
 """Find image files by path, folder or glob pattern."""
 
-from __future__ import annotations
-
 import glob
 import os
 import re

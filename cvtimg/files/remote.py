@@ -1,7 +1,5 @@
 """Files elsewhere, such as s3://, gs:// and https://: the one door to them, which fsspec opens."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator

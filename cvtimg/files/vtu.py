@@ -1,7 +1,5 @@
 """VTK's format of unstructured grids (VTU): XML with binary arrays, which ParaView and meshio read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Write files, tables of text and folders atomically: complete, or not at all."""
 
-from __future__ import annotations
-
 import csv
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Options of ``cvtimg stipple`` and ``cvtimg mosaic``."""
 
-from __future__ import annotations
-
 from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg.options import common
 from cvtimg.options.common import file, switch

@@ -1,7 +1,5 @@
 """Options that several verbs share, each declared once, and the groups of them that verbs take together."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from contextlib import suppress

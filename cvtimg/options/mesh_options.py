@@ -1,7 +1,5 @@
 """Options of ``cvtimg mesh``, ``cvtimg surface`` and ``cvtimg sphere``."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from cvtimg.options import common

@@ -1,7 +1,5 @@
 """Options of ``cvtimg restore``."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from typing import get_args

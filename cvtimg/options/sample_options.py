@@ -1,7 +1,5 @@
 """Options of ``cvtimg cluster``, ``elbow``, ``design`` and ``basis``: of samples that need not be pixels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from cvtimg._shared.budgets import MAX_COLORS

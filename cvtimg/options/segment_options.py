@@ -1,7 +1,5 @@
 """Options of ``cvtimg segment``."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 from cvtimg.labels.formats import CONTOUR_FORMATS

@@ -4,8 +4,6 @@ A file that cannot be read or written raises an `OSError` with the one-line mess
 for animations, `pages` for multi-page files and `tiles` for images larger than memory.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path

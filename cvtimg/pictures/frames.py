@@ -1,7 +1,5 @@
 """Read and write animations (GIF, APNG and WebP) with the duration of each frame."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Convert images with embedded color profiles to sRGB."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Images of any type as 8-bit colors to look at: deep and wide samples are stretched to the range that they fill."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import cycle, islice
 

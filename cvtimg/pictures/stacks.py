@@ -1,7 +1,5 @@
 """One stack of images, whatever the file holds: a picture, the frames of an animation, pages, or a large image."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

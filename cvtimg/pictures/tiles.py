@@ -4,8 +4,6 @@ A band consists of whole rows of tiles, strips or chunks, about `PIXELS_AT_ONCE`
 memory at any time.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field

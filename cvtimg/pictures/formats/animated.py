@@ -4,8 +4,6 @@ Pillow compresses the frames but does not assemble them, because it would merge 
 palettes; and it would fill what frames do not cover with a color of the palette.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction

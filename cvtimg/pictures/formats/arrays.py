@@ -1,7 +1,5 @@
 """Arrays of numbers: samples of any type in native byte order, and .npy files."""
 
-from __future__ import annotations
-
 from typing import Any, BinaryIO
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files that become a TIFF first: FITS of telescopes, by astropy, and raw files of cameras, by LibRaw."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path

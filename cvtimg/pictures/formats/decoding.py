@@ -4,8 +4,6 @@ Pillow decodes most files. TIFF that it would reduce to 8 bits or to three bands
 imported on first use, and rare compression by imagecodecs.
 """
 
-from __future__ import annotations
-
 import re
 from typing import BinaryIO
 

@@ -1,7 +1,5 @@
 """Encode arrays as image files, in the format given by a suffix."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from importlib.util import find_spec
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Read the headers of image files without decoding pixels."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Portable Network Graphics (PNG) Specification (Third Edition), W3C (2025), https
 sRGB, and gAMA with cHRM, the first that is there counts (section 4.3).
 """
 
-from __future__ import annotations
-
 import struct
 import warnings
 import zlib
