@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -73,16 +74,11 @@ def open_blocks(
         blocks = _of_parquet(place, columns, weight, missing)
     else:
         blocks = _of_array(place, _zarr_array(place) if kind == ".zarr" else _npy_array(place), columns, weight)
-    return _without_missing(blocks) if missing == "drop" and blocks.rows.dtype.kind == "f" else blocks
-
-
-def _without_missing(blocks: Blocks) -> Blocks:
-    da = dask_arrays()
-    absent = da.isnan(blocks.rows).any(axis=1)
-    if blocks.weights is not None:
-        absent |= da.isnan(blocks.weights)
-    weights = None if blocks.weights is None else blocks.weights[~absent]
-    return Blocks(blocks.rows[~absent], weights, ~absent, blocks.names, blocks.left_out)
+    if missing == "error" or blocks.rows.dtype.kind != "f":
+        return blocks
+    (rows, weights), isnan = (blocks.rows, blocks.weights), dask_arrays().isnan
+    kept = ~isnan(rows).any(axis=1) if weights is None else ~(isnan(rows).any(axis=1) | isnan(weights))
+    return replace(blocks, rows=rows[kept], weights=None if weights is None else weights[kept], kept=kept)
 
 
 def _of_array(place: str, array: Any, columns: Sequence[str] | None, weight: str | None) -> Blocks:

@@ -31,7 +31,7 @@ from cvtimg._shared.types import Floats, ImageLike
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained, judged
-from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method
+from cvtimg.engine.methods import Callback, Conditions, Iteration, Watch, choose_method
 from cvtimg.engine.points import Points, float32_suffices, pack
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve, line_through
 from cvtimg.engine.search import EFFORTS
@@ -246,7 +246,9 @@ def energy_curve(
         most = min(n_max, int(np.count_nonzero(points.density)))
         method = choose_method(n_dims=points.n_dims, volume_power=power)
         if method.exact_in_one_dimension:
-            ends = _optimal(points, most, method, conditions)
+            ends = list[Iteration]()
+            while len(ends) < most and not (ends and (ends[-1].energies[-1] == 0 or watch.stopped)):
+                ends.append(method(points, np.zeros((len(ends) + 1, 1)), conditions))
         else:
             from cvtimg.engine.all_counts import chain
 
@@ -299,13 +301,6 @@ def auto_count(samples: ImageLike | ColorSamples, n_max: int = CHORD_ENDS, **opt
     """
     curve = energy_curve(samples, n_max, **options)
     return curve.elbow(), curve
-
-
-def _optimal(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
-    ends: list[Iteration] = []
-    while len(ends) < n_max and not (ends and (ends[-1].energies[-1] == 0 or conditions.watch.stopped)):
-        ends.append(method(points, np.zeros((len(ends) + 1, 1)), conditions))
-    return ends
 
 
 def _weighted(

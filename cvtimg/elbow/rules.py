@@ -1,6 +1,6 @@
 """Rules that find the elbow of a curve of energies.
 
-A rule takes E(k) for k = 1, 2, ... and their scale, and returns k. `chord` is the default.
+A rule takes E(k) for k = 1, 2, ... and their scale, and returns k.
 """
 
 from __future__ import annotations
@@ -48,13 +48,9 @@ def explained(energies: Floats) -> Floats:
     return 1 - energies / energies[0] if energies[0] else np.ones(len(energies))
 
 
-def chord(energies: Floats, scale: Scale) -> int:
-    """Find the point farthest below the chord of log E over log k up to k = 32; a small energy is added to each E."""
-    return judged(energies, scale)[0]
-
-
 def judged(energies: Floats, scale: Scale) -> tuple[int, bool]:
-    """Return the elbow by `chord`, and whether it is clear."""
+    """Find the point farthest below the chord of log E over log k up to k = 32; also return whether it is clear."""
+    # A small energy is added to each E.
     # Without clusters E(k) is proportional to k^(-2/D) whatever D is (P. Zador, IEEE Trans. Information Theory 28
     # (1982), doi 10.1109/TIT.1982.1056490), so that the powers before and after any k are equal.
     if energies[0] == 0:
@@ -78,22 +74,6 @@ def chord_linear(energies: Floats) -> int:
     return _farthest(np.arange(1.0, len(known) + 1), known)
 
 
-def variance(energies: Floats, scale: Scale, target: float = 0.95) -> int:
-    """Return the smallest k that explains this fraction of the variance."""
-    return _first_reaching(target, explained(energies), "of the variance explained")
-
-
-def psnr(energies: Floats, scale: Scale, target: float = 30.0) -> int:
-    """Return the smallest k of this PSNR in dB."""
-    return _first_reaching(target, scale.psnr(energies), "dB")
-
-
-#: The registry of rules: the values of `rule` and ``--rule``. Each takes energies (n_max,) and their scale.
-RULES: dict[str, Callable[..., int]] = {"chord": chord, "variance": variance, "psnr": psnr}
-#: Rules that take a target.
-TARGETED = ("variance", "psnr")
-
-
 def _farthest(across: Floats, down: Floats) -> int:
     """Return the k farthest below the line between the ends; the first or the last if none is below."""
     fall = down[0] - down[-1]
@@ -115,3 +95,15 @@ def _first_reaching(target: float, values: Floats, unit: str) -> int:
             f"target={target:g} is not reached by n_max={len(values)} generators: {values[-1]:.4g} {unit}"
         )
     return int(np.argmax(reached)) + 1
+
+
+#: The registry of rules: the values of `rule` and ``--rule``. Each takes energies (n_max,) and their scale.
+RULES: dict[str, Callable[..., int]] = {
+    "chord": lambda energies, scale: judged(energies, scale)[0],
+    "variance": lambda energies, _, target=0.95: _first_reaching(
+        target, explained(energies), "of the variance explained"
+    ),
+    "psnr": lambda energies, scale, target=30.0: _first_reaching(target, scale.psnr(energies), "dB"),
+}
+#: Rules that take a target.
+TARGETED = ("variance", "psnr")

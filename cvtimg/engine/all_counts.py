@@ -32,7 +32,7 @@ def chain(
     """Return the ends for 1, 2, .. `n_max` generators, or up to the first whose energy is 0."""
     # The energy never rises from one end to the next. With an effort each number is also searched by itself, and the
     # better end kept.
-    ends: list[Iteration] = []
+    ends, nothing = list[Iteration](), np.empty((0, points.n_dims))
     one_step = conditions.until(Stopping.after(1))  # on all points, from generators found with fewer
     with part(0, SEARCHED if effort is None else 0.0):
         fewer = fewer_points(points, n_max, _FEWER, conditions.rng)
@@ -42,7 +42,9 @@ def chain(
     for link in each(links):
         end = _measured(points, method(points, link.generators, one_step), conditions)
         if effort is not None:
-            alone = _measured(points, _alone(points, len(link.generators), method, conditions, effort), conditions)
+            once = replace(effort, evolution=None)  # which is for a single number
+            start = search(points, nothing, len(link.generators), "split", method, conditions, once)
+            alone = _measured(points, method(points, start, conditions.until(effort.stopping)), conditions)
             end = min(end, alone, key=lambda some: some.energies[-1])
         if ends and end.energies[-1] > ends[-1].energies[-1]:
             start = add(points, ends[-1], 1, 0)
@@ -85,14 +87,6 @@ def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions)
         follow(range(few, many), 1)
         follow(range(many, few, -1), -1)
     return [best[number] for number in range(1, n_max + 1) if number in best]
-
-
-def _alone(
-    points: Points, n_generators: int, method: Method, conditions: Conditions, effort: SearchEffort
-) -> Iteration:
-    none, once = np.empty((0, points.n_dims)), replace(effort, evolution=None)  # which is for a single number
-    start = search(points, none, n_generators, "split", method, conditions, once)
-    return method(points, start, conditions.until(effort.stopping))
 
 
 def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iteration:

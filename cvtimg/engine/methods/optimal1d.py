@@ -60,29 +60,19 @@ class _Levels(NamedTuple):
     density: Floats
     moments: Floats
 
-    @property
-    def whole(self) -> _Cut:
-        """All levels in one cell."""
-        return self._cut_at(np.array([0, len(self.values)], np.int32))
-
-    @property
-    def single(self) -> _Cut:
-        """Each level in a cell of its own."""
-        return _Cut(np.arange(len(self.values) + 1, dtype=np.int32), 0.0)
-
     def cut(self, price: float) -> _Cut:
         """Cut where the energy plus the price of all cells is lowest."""
         n_bounds = len(self.moments)
         firsts, queue, since, bounds = np.empty((4, n_bounds), np.int32)
         n_cells = _kernels.cut_levels(self.moments, price, np.empty(n_bounds), firsts, queue, since, bounds)
-        return self._cut_at(bounds[: n_cells + 1].copy())
+        return self.cut_at(bounds[: n_cells + 1].copy())
 
     def means(self, cut: _Cut) -> Floats:
         """Return the (k, 1) means of the cells, summed cell by cell: differences of `moments` would lose digits."""
         masses, sums = (np.add.reduceat(terms, cut.bounds[:-1]) for terms in (self.density, self.density * self.values))
         return (sums / masses)[:, None]
 
-    def _cut_at(self, bounds: Ints) -> _Cut:
+    def cut_at(self, bounds: Ints) -> _Cut:
         cut = _Cut(bounds, 0.0)
         steps = self.values - self.means(cut)[:, 0].repeat(np.diff(bounds))
         return cut._replace(energy=float((self.density * steps * steps).sum()))
@@ -104,7 +94,8 @@ def _levels(points: Points) -> _Levels:
 
 def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
     """Cut into `n_cells` cells of lowest energy, by narrowing down the price per cell."""
-    few, many = levels.whole, levels.single
+    n_levels = len(levels.values)
+    few, many = levels.cut_at(np.array([0, n_levels], np.int32)), _Cut(np.arange(n_levels + 1, dtype=np.int32), 0.0)
     for end in (few, many):
         if end.n_cells == n_cells:
             return end
@@ -121,7 +112,7 @@ def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
         elif guessed:
             price, guessed = (few.energy - many.energy) / (many.n_cells - few.n_cells), False
         else:
-            return levels._cut_at(_join(few.bounds, many.bounds, n_cells))
+            return levels.cut_at(_join(few.bounds, many.bounds, n_cells))
 
 
 def _join(few: Ints, many: Ints, n_cells: int) -> Ints:
