@@ -137,23 +137,34 @@ def _restored_all(versions: Sequence[VersionFiles], given: Given) -> tuple[list[
             warnings.simplefilter("always", UserWarning)
             results.append(_restored(read, given))
         notes += [given.worded(_with_names(str(warning.message), read)) for warning in caught]
-    return results, notes + _doubts(results[0], given) + _defects(results[0])
+    return results, notes + _doubts(results[0], given)
 
 
 def _doubts(result: Denoised, given: Given) -> list[str]:
-    """Say that an image was no flat drawing, and that no noise was found in it."""
+    """Say what was taken out of versions, and of a photograph that it was no drawing, its noise, and what is left."""
     from cvtimg._shared.pixels import white_of
+    from cvtimg.restoration.defects import without_defects
+    from cvtimg.restoration.versions import stack_versions
 
-    if hasattr(result, "labels"):
-        return []
-    notes = (
-        [] if given.detail else ["no flat drawing, so detail is restored, as by --detail; -k N restores flat colors"]
-    )
-    if not result.noisy:
-        levels = result.noise * 255 / float(white_of(result.image.dtype))
-        written = ", ".join(f"{level:.2f}" for level in levels if math.isfinite(level))  # of copies nothing is
-        notes.append(f"no noise found: {written or 'too little is known'}; --noise S sets it, in levels of 8 bits")
-    return notes
+    unit, said = float(white_of(result.image.dtype)) / 255, []
+    is_photograph = not hasattr(result, "labels")
+    if is_photograph and not given.detail:
+        said.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
+    if is_photograph and not result.noisy:
+        written = ", ".join(f"{level / unit:.2f}" for level in result.noise if math.isfinite(level))
+        said.append(f"no noise found: {written or 'too little is known'}; --noise S sets it, in levels of 8 bits")
+    if result.impulses.any():
+        said.append(f"{result.impulses.max():.1%} of the pixels are impulses and filled from around them")
+    for what, level in zip(("rows", "columns"), result.stripes.max(axis=0) / unit, strict=True):
+        said += [f"{what} differ by {level:.1f} levels of 8 bits, which is taken away"] if level else []
+    if result.impulses.any() or result.stripes.any():
+        said.append("--hidden none keeps all")
+    if is_photograph:
+        _, left = without_defects(stack_versions([result.image], alpha=False))
+        kinds = zip(("rows", "columns"), left.stripes[0] / unit, strict=True)
+        said += [f"{what} of the result differ by {level:.1f} levels of 8 bits" for what, level in kinds if level]
+        said += [f"{share:.1%} of the pixels of the result are impulses" for share in left.impulses if share]
+    return said
 
 
 def _summary(versions: Sequence[VersionFiles], results: Sequence[Any]) -> Row:
@@ -179,28 +190,6 @@ def _summary(versions: Sequence[VersionFiles], results: Sequence[Any]) -> Row:
         "misfits": _finite(first.misfits),
         **(_of_segments(results) if hasattr(first, "labels") else _noise_like(first)),
     }
-
-
-def _defects(result: Denoised) -> list[str]:
-    """Say what else than noise was taken out of versions, and what of it is left in a photograph."""
-    from cvtimg._shared.pixels import white_of
-    from cvtimg.restoration.defects import without_defects
-    from cvtimg.restoration.versions import stack_versions
-
-    unit, said = float(white_of(result.image.dtype)) / 255, []
-    if result.impulses.any():
-        said.append(f"{result.impulses.max():.1%} of the pixels are impulses and filled from around them")
-    for what, levels in zip(("rows", "columns"), result.stripes.T / unit, strict=True):
-        if levels.any():
-            said.append(f"{what} differ by {levels.max():.1f} levels of 8 bits, which is taken away")
-    if said:
-        said.append("--hidden none keeps all")
-    if not hasattr(result, "labels"):
-        _, left = without_defects(stack_versions([result.image], alpha=False))
-        kinds = zip(("rows", "columns"), left.stripes[0] / unit, strict=True)
-        said += [f"{what} of the result differ by {level:.1f} levels of 8 bits" for what, level in kinds if level]
-        said += [f"{share:.1%} of the pixels of the result are impulses" for share in left.impulses if share]
-    return said
 
 
 def _of_segments(results: Sequence[Any]) -> dict[str, Any]:

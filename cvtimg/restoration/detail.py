@@ -17,15 +17,15 @@ from cvtimg._shared.threads import in_stripes, side_by_side
 from cvtimg._shared.types import Bools, Floats32
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
+from cvtimg.restoration.patches import REACH, Axes, Groups, Kinds, Noisy, filtered, group_patches, with_border
 from cvtimg.restoration.versions import Clipped, Versions, fill, fuse
 
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a
 #: megapixel takes some seconds.
 _PASSES = {"fast": (800, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 80, 60, 60)}
 _AFFORDABLE: dict[EffortName, int] = {"best": 1 << 18, "balanced": 1 << 22}
-#: Kinds of patches, before they are cut into groups, and the part of the time in which they are found.
-_KINDS, _FINDING = 32, 0.02
+#: Kinds of patches, before they are cut into groups.
+_KINDS = 32
 #: Blur, in pixels, of the first estimate of an image.
 _BLUR = 0.7
 #: Standard deviations of noise by which an estimate may be beside what is seen: one pixel in 400 is, by chance.
@@ -59,24 +59,23 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     if filling:
         most = np.float32(weights.sum() / max((weights * np.square(values - estimate).mean(axis=2)).sum(), 1e-30))
     # Groups are what matters: the kinds that they are cut from need no better estimate.
-    with part(0, _FINDING):
+    with part(0, 0):  # it takes little of the time
         kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(_KINDS, n_pixels), rng)
-    with part(_FINDING, 1):
-        for number, largest in each(list(enumerate(filling + passes, -len(filling)))):
-            if suspicion and number > -len(filling):
-                kept = suspicion.kept(versions, estimate)
-            is_late = number >= min(_OWN, len(passes) - 1)
-            values, weights = _fused(kept, evidence, variance, estimate, own=is_late)
-            precision = np.minimum(weights / np.float32(variance), most if number < 0 else np.inf)
-            noisy = Noisy(
-                with_border(axes.along(values)),
-                with_border(axes.along(estimate)),
-                with_border(precision[:, :, None])[:, :, 0],
-                evidence.noise.shared and evidence.noise.shared.along(axes.matrix),
-            )
-            image = _pass(noisy, axes, kinds, largest, from_estimate=number not in {0, -len(filling)})
-            even = np.maximum(versions.noisiness(estimate), np.float32(1))  # lights may seem noisy
-            estimate = axes.back(_within_noise(image, noisy, even))
+    for number, largest in each(list(enumerate(filling + passes, -len(filling)))):
+        if suspicion and number > -len(filling):
+            kept = suspicion.kept(versions, estimate)
+        is_late = number >= min(_OWN, len(passes) - 1)
+        values, weights = _fused(kept, evidence, variance, estimate, own=is_late)
+        precision = np.minimum(weights / np.float32(variance), most if number < 0 else np.inf)
+        noisy = Noisy(
+            with_border(axes.along(values)),
+            with_border(axes.along(estimate)),
+            with_border(precision[:, :, None])[:, :, 0],
+            evidence.noise.shared and evidence.noise.shared.along(axes.matrix),
+        )
+        image = _pass(noisy, axes, kinds, largest, from_estimate=number not in {0, -len(filling)})
+        even = np.maximum(versions.noisiness(estimate), np.float32(1))  # lights may seem noisy
+        estimate = axes.back(_within_noise(image, noisy, even))
     if not evidence.noise.is_seen:
         estimate = np.where((weights > 0)[:, :, None], values, estimate)
     return estimate, kept
@@ -93,13 +92,13 @@ def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: b
     height, width = (side - 2 * REACH for side in noisy.precision.shape)
     near = np.float32(_PLACE * np.sqrt(noisy.usual_variance))
 
-    def grouped(at: tuple[slice, slice]) -> PatchBlock:
+    def grouped(at: tuple[slice, slice]) -> Groups:
         rows, columns = at
         seen = noisy.estimate[rows.start : rows.stop + 2 * REACH, columns.start : columns.stop + 2 * REACH]
         features = kinds.features(axes.looks(seen))
         places = near * np.indices((rows.stop - rows.start, columns.stop - columns.start)).reshape(2, -1).T
         around = np.concatenate([features, places], axis=1, dtype=np.float32)
-        return PatchBlock(rows, columns, group_patches(around, kinds.label(features), largest))
+        return Groups(rows, columns, *group_patches(around, kinds.label(features), largest))
 
     places = list(product(_parts(height), _parts(width)))
     with part(0, 0.2):
@@ -183,11 +182,8 @@ def clipped_ends(values: Floats32, known: Bools, true: Floats32, sigma: Floats32
     from scipy.special import ndtr
 
     def piles_up(end: float) -> bool:
-        def expected(rows: slice) -> float:
-            away = np.abs(np.clip(true[rows], 0, white) - end) / sigma[rows]
-            return float(ndtr(-away).sum(dtype=np.float64, where=known[rows]))
-
         n_there = int(np.count_nonzero((values == end) & known))
-        return n_there > 0 and n_there >= sum(in_stripes(expected, len(values), work=32.0 * values.size)) / 2
+        away = np.abs(np.clip(true, 0, white) - end) / sigma if n_there else true
+        return n_there > 0 and n_there >= float(ndtr(-away).sum(dtype=np.float64, where=known)) / 2
 
     return piles_up(0.0), piles_up(white)

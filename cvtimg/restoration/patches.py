@@ -141,10 +141,12 @@ class Kinds:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Groups:
-    """Groups of patches: (N,) pixels in the order of their groups, and (G + 1,) where each group begins."""
+    """Groups of the patches around the pixels of a part of an image."""
 
-    order: Ints
-    bounds: Ints64
+    rows: slice
+    columns: slice
+    order: Ints  # (N,): pixels in the order of their groups
+    bounds: Ints64  # (G + 1,): where each group begins
 
     def __len__(self) -> int:
         return len(self.bounds) - 1
@@ -154,21 +156,24 @@ class Groups:
         """(G,) number of patches of each group."""
         return np.diff(self.bounds)
 
-    def of_pixels(self) -> Ints:
-        """(N,) group of each pixel."""
-        groups = np.empty(len(self.order), np.int32)
-        groups[self.order] = np.repeat(np.arange(len(self), dtype=np.int32), self.sizes)
-        return groups
+    @property
+    def bordered(self) -> tuple[slice, slice]:
+        """Where the part and its border lie in an image with a border."""
+        rows, columns = (slice(side.start, side.stop + 2 * REACH) for side in (self.rows, self.columns))
+        return rows, columns
 
 
-def group_patches(features: Floats32, labels: Ints, largest: int) -> Groups:
-    """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches."""
+def group_patches(features: Floats32, labels: Ints, largest: int) -> tuple[Ints, Ints64]:
+    """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches.
+
+    Return the (N,) patches in the order of their groups, and (G + 1,) where each group begins.
+    """
     order = np.argsort(labels, kind="stable").astype(np.int32)
     bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
     while True:
         large = np.flatnonzero(np.diff(bounds) > largest)
         if not len(large):
-            return Groups(order, bounds)
+            return order, bounds
         starts, stops, cuts = bounds[large], bounds[large + 1], np.empty(len(large), np.int64)
 
         def halve(first: int, last: int, starts=starts, stops=stops, cuts=cuts) -> None:  # type: ignore[no-untyped-def]
@@ -222,22 +227,7 @@ class Noisy:
         return Noisy(values, estimate, self.precision, self.shared and self.shared.along(matrix))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PatchBlock:
-    """A part of an image, as rows and columns, and groups of the patches around its pixels."""
-
-    rows: slice
-    columns: slice
-    groups: Groups
-
-    @property
-    def bordered(self) -> tuple[slice, slice]:
-        """Where the block and its border lie in an image with a border."""
-        rows, columns = (slice(side.start, side.stop + 2 * REACH) for side in (self.rows, self.columns))
-        return rows, columns
-
-
-def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) -> Floats32:
+def filtered(noisy: Noisy, blocks: Sequence[Groups], from_estimate: bool) -> Floats32:
     """(H, W, C) image, from patches filtered by group, of blocks that do not overlap."""
     # Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are
     # of. Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
@@ -265,21 +255,21 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Filters:
-    """A block with the filters of its groups."""
+    """The filters of the groups of a block."""
 
-    block: PatchBlock
+    groups: Groups
     means: Floats32  # (G, P): mean patches
     matrices: Floats32  # (G, P, P): filters
     variances: Floats  # (G,): of the noise
     trust: Floats32  # (G, 25): weight of the pixels of filtered patches
 
     @classmethod
-    def of(cls, noisy: Noisy, from_estimate: bool, usual: float, block: PatchBlock) -> _Filters:
+    def of(cls, noisy: Noisy, from_estimate: bool, usual: float, groups: Groups) -> _Filters:
         """Make the filters of a block of an image."""
-        groups, precision = block.groups, noisy.precision[block.bordered]
-        variances, image = _variances(precision, groups, usual), np.ascontiguousarray(noisy.estimate[block.bordered])
+        precision, image = noisy.precision[groups.bordered], np.ascontiguousarray(noisy.estimate[groups.bordered])
+        variances = _variances(precision, groups, usual)
         if not from_estimate:
-            image = np.where(precision[:, :, None] > 0, noisy.values[block.bordered], image)
+            image = np.where(precision[:, :, None] > 0, noisy.values[groups.bordered], image)
         size = SIDE**2 * image.shape[2]
         means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, size), np.float32)
         noise = None if from_estimate else _noise_by_place(precision, groups, image.shape[2])
@@ -310,16 +300,16 @@ class _Filters:
         # The variance that remains at each place of a patch, as a share of that of the noise.
         left = np.einsum("gij,ij->gj", matrices, np.float32(shared)).reshape(len(groups), SIDE**2, -1).mean(axis=2)
         trust = usual / variances[:, None] / (left + _LEFT)
-        return cls(block, means, matrices, variances, trust.astype(np.float32))
+        return cls(groups, means, matrices, variances, trust.astype(np.float32))
 
     def sums(self, estimate: Floats32, change: Floats32) -> tuple[Floats32, Floats32]:
         """Weighted sums of the filtered patches, and their weights, in the block and its border."""
-        groups, size = self.block.groups, self.means.shape[1]
-        image, own_change = (np.ascontiguousarray(band[self.block.bordered]) for band in (estimate, change))
+        groups, size = self.groups, self.means.shape[1]
+        image, own_change = (np.ascontiguousarray(band[groups.bordered]) for band in (estimate, change))
         patches = np.empty((len(groups.order), size), np.float32)
-        height, width = (side - 2 * REACH for side in image.shape[:2])
-        group_of = groups.of_pixels().reshape(height, width)
         sums, weights = np.empty_like(image), np.empty(image.shape[:2], np.float32)
+        group_of = np.empty([side - 2 * REACH for side in image.shape[:2]], np.int32)
+        group_of.ravel()[groups.order] = np.repeat(np.arange(len(groups), dtype=np.int32), groups.sizes)
         about = groups.order, groups.bounds, self.means, self.matrices
 
         def apply(first: int, last: int) -> None:

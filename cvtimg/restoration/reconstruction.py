@@ -18,12 +18,10 @@ from cvtimg._shared.types import Array, Bools, Floats32
 from cvtimg.engine.search import EFFORTS
 from cvtimg.files.whole import StrPath
 from cvtimg.restoration.detail import denoised
-from cvtimg.restoration.evidence import prepare, that_tell
-from cvtimg.restoration.fitting import MOST_MISFIT, misfits_of_most
-from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
+from cvtimg.restoration.evidence import MOST_MISFIT, misfits_of_most, prepare, that_tell
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.patches import cells_of
-from cvtimg.restoration.result import Denoised, Restoration
+from cvtimg.restoration.result import RENORMALIZATIONS, Denoised, Restoration, merge_versions
 from cvtimg.restoration.versions import Versions, fuse, stack_versions, trust_in, usual_noise, with_tables
 
 #: Part of the time in which versions are prepared.

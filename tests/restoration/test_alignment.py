@@ -11,7 +11,7 @@ from skimage.transform import ProjectiveTransform, warp
 from cvtimg import denoise, restore
 from cvtimg._shared.types import Array, Bytes, Floats
 from cvtimg.restoration.alignment import MODELS, align, moved
-from cvtimg.restoration.fitting import exposures
+from cvtimg.restoration.evidence import exposures
 from cvtimg.restoration.versions import stack_versions
 
 Damage = damage.Damage

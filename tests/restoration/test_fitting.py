@@ -11,7 +11,7 @@ from skimage.transform import EuclideanTransform, warp
 
 from cvtimg import denoise, restore
 from cvtimg._shared.types import Array, Bytes, Floats
-from cvtimg.restoration.fitting import MOST_MISFIT, misfits
+from cvtimg.restoration.evidence import MOST_MISFIT, misfits
 from cvtimg.restoration.versions import stack_versions
 
 RNG = np.random.default_rng(3)

@@ -7,7 +7,7 @@ import pytest
 from reference import at_threads
 
 from cvtimg._shared.types import Floats
-from cvtimg.restoration.patches import Groups, Noisy, PatchBlock, filtered, group_patches, windows, with_border
+from cvtimg.restoration.patches import Groups, Noisy, filtered, group_patches, windows, with_border
 
 
 def noisy_image(shape: tuple[int, int, int] = (11, 13, 3), *, precisions: tuple[int, ...] = (40, 100, 120)) -> Noisy:
@@ -49,10 +49,6 @@ def as_written(noisy: Noisy, groups: Groups, rounds: int = 2) -> Floats:
     return estimate[2:-2, 2:-2]
 
 
-def whole(height: int, width: int, groups: Groups) -> list[PatchBlock]:
-    return [PatchBlock(slice(0, height), slice(0, width), groups)]
-
-
 @pytest.mark.parametrize(
     ("n_bands", "precisions", "rounds"), [(1, (40, 120), 2), (3, (40, 100, 120), 2), (4, (80, 100, 120), 1)]
 )
@@ -61,8 +57,8 @@ def test_the_image_is_that_of_patches_filtered_by_the_formulas(
 ) -> None:
     noisy = noisy_image((11, 13, n_bands), precisions=precisions)
     order = np.random.default_rng(1).permutation(11 * 13).astype(np.int32)
-    groups = Groups(order, np.array([0, 50, 81, 143]))
-    found = filtered(noisy, whole(11, 13, groups), from_estimate=True)
+    groups = Groups(slice(0, 11), slice(0, 13), order, np.array([0, 50, 81, 143]))
+    found = filtered(noisy, [groups], from_estimate=True)
     np.testing.assert_allclose(found, as_written(noisy, groups, rounds), atol=2e-4)
 
 
@@ -74,13 +70,13 @@ def test_blocks_leave_no_seams_because_a_pixel_is_the_mean_of_the_patches_of_all
         for columns in (slice(0, 6), slice(6, 13)):
             places = np.mgrid[rows, columns].reshape(2, -1)
             own = rng.permutation(places.shape[1]).astype(np.int32)
-            blocks.append(PatchBlock(rows, columns, Groups(own, np.array([0, 14, len(own)]))))
+            blocks.append(Groups(rows, columns, own, np.array([0, 14, len(own)])))
             order.append((places[0] * 13 + places[1])[own])
             sizes += [14, len(own) - 14]
-    together = Groups(np.concatenate(order).astype(np.int32), np.cumsum([0, *sizes]))
+    together = Groups(slice(0, 11), slice(0, 13), np.concatenate(order).astype(np.int32), np.cumsum([0, *sizes]))
     found = filtered(noisy, blocks, from_estimate=True)
     np.testing.assert_allclose(found, as_written(noisy, together), atol=2e-4)
-    np.testing.assert_allclose(found, filtered(noisy, whole(11, 13, together), from_estimate=True), atol=1e-5)
+    np.testing.assert_allclose(found, filtered(noisy, [together], from_estimate=True), atol=1e-5)
 
 
 def test_groups_are_no_larger_than_allowed_and_hold_each_patch_once() -> None:
@@ -88,12 +84,11 @@ def test_groups_are_no_larger_than_allowed_and_hold_each_patch_once() -> None:
     features = rng.standard_normal((5000, 18)).astype(np.float32)
     features[:1000] = 0  # patches that do not differ at all
     labels = rng.integers(7, size=5000).astype(np.int32)
-    groups = group_patches(features, labels, 60)
-    assert groups.sizes.min() >= 1
-    assert 20 < groups.sizes.max() <= 60
-    np.testing.assert_array_equal(np.sort(groups.order), np.arange(5000))
-    for start, stop in zip(groups.bounds[:-1], groups.bounds[1:], strict=True):
-        assert len(np.unique(labels[groups.order[start:stop]])) == 1
+    order, bounds = group_patches(features, labels, 60)
+    assert np.diff(bounds).min() >= 1
+    assert 20 < np.diff(bounds).max() <= 60
+    np.testing.assert_array_equal(np.sort(order), np.arange(5000))
+    assert all(len(np.unique(labels[group])) == 1 for group in np.split(order, bounds[1:-1]))
 
 
 def test_groups_hold_what_is_alike() -> None:
@@ -101,10 +96,9 @@ def test_groups_hold_what_is_alike() -> None:
     which = rng.integers(8, size=4000)
     places = np.geomspace(80, 10, 8)[which, None] * np.eye(8)[which]
     features = (places + rng.standard_normal((4000, 8))).astype(np.float32)
-    groups = group_patches(features, np.zeros(4000, np.int32), 600)
-    of_group = groups.of_pixels()
-    purity = [np.bincount(which[of_group == group]).max() / size for group, size in enumerate(groups.sizes)]
-    assert np.average(purity, weights=groups.sizes) > 0.99
+    order, bounds = group_patches(features, np.zeros(4000, np.int32), 600)
+    purest = [np.bincount(which[group]).max() for group in np.split(order, bounds[1:-1])]
+    assert sum(purest) > 0.99 * 4000
 
 
 def test_threads_make_no_difference() -> None:
@@ -112,10 +106,10 @@ def test_threads_make_no_difference() -> None:
     features = np.random.default_rng(0).standard_normal((320, 6)).astype(np.float32)
 
     def both() -> bytes:
-        groups = group_patches(features, np.zeros(320, np.int32), 40)
+        whole = Groups(slice(0, 16), slice(0, 20), *group_patches(features, np.zeros(320, np.int32), 40))
         half = group_patches(features[:160], np.zeros(160, np.int32), 40)
-        blocks = [PatchBlock(slice(8 * part, 8 * part + 8), slice(0, 20), half) for part in range(2)]
-        return b"".join(filtered(noisy, some, False).tobytes() for some in (whole(16, 20, groups), blocks))
+        blocks = [Groups(slice(8 * part, 8 * part + 8), slice(0, 20), *half) for part in range(2)]
+        return b"".join(filtered(noisy, some, False).tobytes() for some in ([whole], blocks))
 
     one, three = at_threads(both)
     assert one == three

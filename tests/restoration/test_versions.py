@@ -11,8 +11,8 @@ from damaging import card
 
 from cvtimg import restore
 from cvtimg._shared.types import Array
-from cvtimg.restoration.merging import Levels, mean_colors, median_colors, range_colors
 from cvtimg.restoration.noise import Noise
+from cvtimg.restoration.result import Levels, mean_colors, median_colors, range_colors
 from cvtimg.restoration.versions import fill, fuse, stack_versions, trust_in, usual_noise
 
 RNG = np.random.default_rng(0)
