@@ -22,7 +22,6 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from cvtimg._shared.choices import Json, SpaceName
-from cvtimg.colors import SPACES
 from cvtimg.explore.channel import Channel
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
@@ -79,7 +78,8 @@ class Server:
         ]
         routes += [Route(address, partial(self._take, use), methods=["POST"]) for address, use in sent.items()]
         routes.append(Mount("/", StaticFiles(directory=STATIC, html=True)))
-        app = Starlette(routes=routes, exception_handlers={UnfitRequestError: _refused})
+        refused = {UnfitRequestError: lambda request, error: PlainTextResponse(str(error), 422)}
+        app = Starlette(routes=routes, exception_handlers=refused)
         self.app = Guard(app, credentials, ["/", *(f"/{path.name}" for path in STATIC.iterdir())])
 
     @property
@@ -144,8 +144,6 @@ class Server:
         return self.store.entry(self.store.resized(opened(self.store, asked), asked.get("width")).key).about
 
     def _curve(self, picture: str, space: SpaceName) -> Json:
-        if space not in SPACES:
-            raise UnfitRequestError("there is no such color space")
         curve = self.store.picture(picture).curve(space, wait=True)
         if curve is None:
             raise UnfitRequestError("the energy curve cannot be computed")
@@ -155,7 +153,7 @@ class Server:
         return {"heights": heights, "elbow": int(curve.elbow()), "psnr": psnr}
 
     async def _file(self, request: Request) -> Response:
-        outcome = self.store.result(request.path_params["result"])
+        outcome = self.store.results.get(request.path_params["result"])
         if outcome is None:  # whose size may be asked for just when another result begins
             said = "this result is gone; change a setting to make it again"
             return Response(status_code=204) if request.method == "HEAD" else PlainTextResponse(said, 404)
@@ -202,10 +200,6 @@ def _sample() -> bytes:
 
 def _json(answer: Json) -> Response:
     return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
-
-
-def _refused(request: Request, error: Exception) -> Response:
-    return PlainTextResponse(str(error), 422)
 
 
 def _add_result(store: Store, asked: Json) -> Json:

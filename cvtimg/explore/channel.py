@@ -14,6 +14,7 @@ import math
 import secrets
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from dataclasses import replace
 from threading import Thread
@@ -48,38 +49,30 @@ class Work(Generic[T]):
     """A function in a thread of its own, which ends when it next tells how far it is if nobody waits any longer."""
 
     def __init__(self, function: Callable[[], T]) -> None:
-        self._loop = asyncio.get_running_loop()
-        self.share, self._ended = 0.0, False  # how much of it is done, and whether it is not wanted any longer
-        self.result: asyncio.Future[T] = self._loop.create_future()
+        self.share, self._work = 0.0, Future[T]()  # how much of it is done; it has an outcome once it is not wanted
+        self.result = asyncio.wrap_future(self._work)
         Thread(target=self._run, args=(function,), daemon=True).start()
 
     def end(self) -> None:
-        if not self.result.done():
-            self._ended = True
-            self.result.set_exception(OvertakenError())
-            self.result.exception()  # as somebody may wait for it, or nobody
+        self._has(self._work.set_exception, OvertakenError())
 
     def _run(self, function: Callable[[], T]) -> None:
         try:
             with watched(self._done):
                 value = function()
         except Exception as error:
-            self._report(self.result.set_exception, error)
+            self._has(self._work.set_exception, error)
         else:
-            self._report(self.result.set_result, value)
+            self._has(self._work.set_result, value)
 
     def _done(self, share: float) -> None:
         self.share = share
-        if self._ended:
+        if self._work.done():
             raise OvertakenError
 
-    def _report(self, tell: Callable[[Any], None], what: object) -> None:
-        def first() -> None:
-            if not self.result.done():
-                tell(what)
-
-        with suppress(RuntimeError):  # the server has ended
-            self._loop.call_soon_threadsafe(first)
+    def _has(self, tell: Callable[[Any], None], outcome: object) -> None:
+        with suppress(InvalidStateError):
+            tell(outcome)
 
 
 class Channel:
@@ -186,7 +179,7 @@ class Channel:
         reply, key, outcome = await work.result
         if lane == "exact" and outcome:  # here, as a search that is overtaken may end after the newer one
             self._last = (same, key, outcome)
-            self._store.keep_result(key, outcome)
+            self._store.results[key] = self._store.newest = outcome
         await (self._socket.send_text(reply) if isinstance(reply, str) else self._socket.send_bytes(reply))
 
     async def _tell_shares(self, number: int, work: Work[Any]) -> None:

@@ -98,7 +98,6 @@ class Picture:
             self.header = replace(header, has_alpha=self.array.shape[2:] == (4,))
         else:
             self.array = self.frames.images[0] if self.frames else read_image(path)
-        self.n_bytes = path.stat().st_size
         self._lock = threading.Lock()
         self._kept: OrderedDict[Any, Any] = OrderedDict()
         self._curves: dict[str, Future[EnergyCurve]] = {}
@@ -107,6 +106,11 @@ class Picture:
     @property
     def noun(self) -> str:
         return "Page" if (self.whole_file or self).header.kind == "pages" else "Frame"
+
+    @property
+    def is_stack(self) -> bool:
+        """Whether these are pages and nothing says of what: they may be versions of one image."""
+        return isinstance(self.frames, Pages) and self.frames.axes == "Q"
 
     @property
     def words(self) -> list[str]:
@@ -170,13 +174,16 @@ class Picture:
     @cached_property
     def has_alpha(self) -> bool:
         """Whether the last channel is transparency, and some pixels are not opaque."""
-        return self.header.has_alpha and self.plain.shape[2:] == (4,)
+        return self.declares_alpha and self.plain.shape[2:] == (4,)
+
+    @property
+    def declares_alpha(self) -> bool:
+        return self.header.has_alpha and self.array.shape[2:] == (4,)
 
     @cached_property
     def plain(self) -> Array:
         """The array, without transparency where all pixels are opaque."""
-        declared = self.header.has_alpha and self.array.shape[2:] == (4,)
-        return without_idle_alpha(self.array) if declared else self.array
+        return without_idle_alpha(self.array) if self.declares_alpha else self.array
 
     @cached_property
     def known(self) -> Bools | None:
@@ -250,7 +257,7 @@ class Picture:
 
     def colors_seen(self, colors: Array, *, alpha: bool) -> Bytes:
         """Return (K, C) colors in the units of the picture as (K, 4) uint8 colors to show."""
-        bands = colors if alpha or colors.shape[1] <= 3 else colors[:, :3]
+        bands = colors if alpha else colors[:, :3]
         if bands.shape[1] == 2:  # gray and alpha
             bands = bands[:, [0, 0, 0, 1]]
         rows = shown(np.ascontiguousarray(bands), self._limits)
@@ -259,9 +266,11 @@ class Picture:
         return rgba
 
     def described(self) -> Json:
-        about = {"id": self.key, "name": Path(self.name).name, "path": self.name, "bytes": self.n_bytes}
         return {
-            **about,
+            "id": self.key,
+            "name": Path(self.name).name,
+            "path": self.name,
+            "bytes": self.path.stat().st_size,
             "width": self.size[1],
             "height": self.size[0],
             "frames": len(self.frames.images) if self.frames else 1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import secrets
 import shlex
@@ -32,8 +33,8 @@ from cvtimg.pictures.formats.encoding import encode_image
 
 #: Largest file that is taken.
 MOST_BYTES = 1 << 28
-#: Pictures in memory, and palettes that are held.
-_MOST_PICTURES, _MOST_PALETTES = 12, 32
+#: Pictures in memory.
+_MOST_PICTURES = 12
 #: Bytes of all files that pages send together, which lie on the disk.
 _MOST_SENT = 1 << 32
 #: Pixels of all pictures in memory together, but for the last; with its colors a picture takes 16 bytes for each.
@@ -59,9 +60,8 @@ class Entry(NamedTuple):
 class Store:
     """Pictures, palettes and results by key.
 
-    Of pictures the last few are held in memory; the others are opened again when they are needed. Of palettes the
-    oldest go when there are too many, and results when their page has a newer one. Files that a page sends lie in a
-    folder of their own under names that the server makes up.
+    Of pictures the last few are held in memory; the others are opened again when they are needed. Results go when their
+    page has a newer one. Files that a page sends lie in a folder of their own under names that the server makes up.
     """
 
     def __init__(self) -> None:
@@ -71,8 +71,8 @@ class Store:
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
         self._entries: dict[str, Entry] = {}
         self.lines: dict[str, str] = {}  # of Python that make a picture
-        self._palettes: OrderedDict[str, tuple[str, Bytes]] = OrderedDict()
-        self._results: WeakValueDictionary[str, Outcome] = WeakValueDictionary()
+        self._palettes: dict[str, tuple[str, Bytes]] = {}
+        self.results: WeakValueDictionary[str, Outcome] = WeakValueDictionary()  # as long as a page holds them
         self.newest: Outcome | None = None  # which outlives its page
         self._lock = threading.Lock()
 
@@ -88,7 +88,7 @@ class Store:
             self._pictures.clear()
             self._entries.clear()
             self._palettes.clear()
-            self._results.clear()
+            self.results.clear()
             for file in Path(self._folder.name).iterdir():
                 file.unlink()
         return {}
@@ -130,11 +130,10 @@ class Store:
             )
         path = self._stored(name, content)
         try:
-            picture = self._add(_plain(name), path, secrets.token_hex(8))
+            return self._add(_plain(name), path, secrets.token_hex(8))
         except Exception:
             path.unlink()
             raise
-        return picture
 
     def resized(self, picture: Picture, width: Any) -> Picture:
         """Open a picture in another width by Pillow, made by lines that come before those of its results."""
@@ -162,13 +161,11 @@ class Store:
             raise UnfitRequestError(f"{name}: {_reason(path, error, _plain(name))}") from error
         with self._lock:
             self._entries[key], self._pictures[key] = entry, picture
-            while len(self._pictures) > 1 and not self._fits():
-                self._pictures.popitem(last=False)[1].close(wait_for=False)
+            while len(held := self._pictures) > 1 and (
+                len(held) > _MOST_PICTURES or sum(math.prod(one.size) for one in held.values()) > _MOST_PIXELS
+            ):
+                held.popitem(last=False)[1].close(wait_for=False)
         return picture
-
-    def _fits(self) -> bool:
-        total = sum(picture.size[0] * picture.size[1] for picture in self._pictures.values())
-        return len(self._pictures) <= _MOST_PICTURES and total <= _MOST_PIXELS
 
     def open_palette(self, name: str, content: bytes) -> Json:
         """Open a palette that a page sent; return its key, name and colors."""
@@ -182,18 +179,8 @@ class Store:
         if len(colors) > 1 << 12:
             raise UnfitRequestError(f"{_plain(name)} has {len(colors)} colors; a palette has up to {1 << 12}")
         key = secrets.token_hex(8)
-        with self._lock:
-            self._palettes[key] = _plain(name), colors
-            while len(self._palettes) > _MOST_PALETTES:
-                self._palettes.popitem(last=False)
+        self._palettes[key] = _plain(name), colors
         return {"id": key, "name": _plain(name), "colors": [f"#{bytes(color[:3]).hex()}" for color in colors]}
-
-    def keep_result(self, key: str, outcome: Outcome) -> None:
-        """Keep a result for as long as its page, or the store, holds it."""
-        self._results[key] = self.newest = outcome
-
-    def result(self, key: str) -> Outcome | None:
-        return self._results.get(key)
 
     def _stored(self, name: str, content: bytes) -> Path:
         suffix = Path(_plain(name)).suffix.lower()

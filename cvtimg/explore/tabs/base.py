@@ -171,14 +171,10 @@ class Tab:
 
     def keywords(self, settings: Settings) -> Json:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
-        counted = [
-            control
-            for control in active(self.controls, settings)
-            if control.keyword and control.says(settings[control.name])
-        ]
         return {
-            control.keyword: control.to(settings[control.name]) if control.to else settings[control.name]
-            for control in counted
+            control.keyword: control.to(value) if control.to else value
+            for control in active(self.controls, settings)
+            if control.keyword and control.says(value := settings[control.name])
         }
 
     def in_effect(self, settings: Settings) -> set[str]:
@@ -192,9 +188,8 @@ class Tab:
         return reworded(message, labels, ": ")
 
     def described(self) -> Json:
-        about = {"name": self.name, "title": self.name.title(), "about": self.about}
-        controls = [control.described() for control in self.controls]
-        return {**about, "sheet": self.sheet, "tool": self.tool, "controls": controls}
+        told = {name: getattr(self, name) for name in ("name", "about", "sheet", "tool")}
+        return {**told, "title": self.name.title(), "controls": [control.described() for control in self.controls]}
 
 
 #: The controls by which parts of the picture are left out by a brush.
@@ -226,11 +221,9 @@ def visible(request: Request, mask: Sequence[Line] = ()) -> tuple[list[Line], Js
     """
     picture = request.picture
     known = [*missing(picture), *([Code("image[..., 3] > 0")] if picture.has_alpha else [])]
-    lines = [reading(request), *mask, *all_of([*known, *(Code("mask > 0") for _ in mask)])]
-    has_known = lines[-1].name == "known"
-    if picture.header.has_alpha and picture.array.shape[2:] == (4,):
-        lines += [Line("image", Code("image[..., :3]"))]
-    return lines, {"mask": Code("known")} if has_known else {}
+    whole = all_of([*known, *(Code("mask > 0") for _ in mask)])
+    rgb = [Line("image", Code("image[..., :3]"))] if picture.declares_alpha else []
+    return [reading(request), *mask, *whole, *rgb], {"mask": Code("known")} if whole else {}
 
 
 def all_of(conditions: Sequence[Code]) -> list[Line]:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cvtimg._shared.choices import Json, Options
-from cvtimg._shared.svg import drawing, numbers
+from cvtimg._shared.svg import drawing
 from cvtimg.explore.calls import Code, Line, call
 from cvtimg.explore.controls import Choice, Control, UnfitRequestError, controls_of, number, words_of
 from cvtimg.explore.layers import Drawing, Layer
@@ -108,6 +108,5 @@ def _drawn(mesh: Mesh, size: tuple[int, int]) -> bytes:
 
 
 def _lines(mesh: Mesh, edges: Any) -> str:
-    ends = mesh.points[edges].reshape(-1, 4)
-    rows = zip(*(numbers(ends[:, column], 2) for column in range(4)), strict=True)
-    return "".join(f"M{a} {b}L{c} {d}" for a, b, c, d in rows)
+    ends = mesh.points[edges].reshape(-1, 4).tolist()
+    return "".join(f"M{a:.2f} {b:.2f}L{c:.2f} {d:.2f}" for a, b, c, d in ends)

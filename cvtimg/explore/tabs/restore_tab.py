@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from cvtimg.explore.layers import Layer, Pixels, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
 from cvtimg.explore.tabs.base import WRITE_IMAGE, Request, Tab
-from cvtimg.pictures import Pages
 from cvtimg.pictures.files import image_suffixes
 from cvtimg.restoration import Denoised, Restoration
 from cvtimg.restoration.detail import passes_of
@@ -68,9 +67,12 @@ class RestoreTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         scale = {"metadata": call("cvtimg.pictures.read_scale", Code("paths[0]"))}
+        # Formats that hold the samples; AVIF loses a little.
+        kinds = {np.uint8: (".png", ".webp", ".avif"), np.uint16: (".png",)}
         files = [
             Output(f"Restored image, {end[1:].upper()}", "-o", f"{{}}-restored{end}", WRITE_IMAGE, (_IMAGE,), scale)
-            for end in _suffixes(request.picture.array.dtype)
+            for end in kinds.get(request.picture.array.dtype.type, (".tif",))
+            if end in image_suffixes()
         ]
         if request.settings["way"] != "flat":
             return files
@@ -140,8 +142,7 @@ class RestoreTab(Tab):
 
     def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Denoised = values["result"]
-        facts = {**_kinds(result), "about": _found(result)}
-        return _layer(request, result), facts
+        return _layer(request, result), {**_kinds(result), "about": _told(result)}
 
 
 def _versions(request: Request) -> list[Picture]:
@@ -150,19 +151,13 @@ def _versions(request: Request) -> list[Picture]:
     if request.settings["align"]:
         chosen.sort(key=lambda version: version.key != (shown.whole_file or shown).key)  # the others are moved onto it
     versions = [part for version in chosen or [shown] for part in _of_file(version, shown)]
-    if len(versions) > 1 and any(version.page and not _are_versions(version.whole_file) for version in versions):
+    if len(versions) > 1 and any(version.page and not (version.whole_file or version).is_stack for version in versions):
         raise UnfitRequestError("pages along a named axis are restored one by one: choose no other version")
     sizes = {picture.size for picture in versions}
     if len(sizes) > 1 and not (request.settings["align"] and versions[0].size == shown.size):
         listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
         raise UnfitRequestError(f"Versions must be of one size, or be aligned with the image that is shown: {listed}")
     return versions
-
-
-def _suffixes(dtype: np.dtype[Any]) -> list[str]:
-    """Return formats that hold samples of a type; AVIF loses a little."""
-    suffixes = {np.uint8: (".png", ".webp", ".avif"), np.uint16: (".png",)}.get(dtype.type, (".tif",))
-    return [suffix for suffix in suffixes if suffix in image_suffixes()]
 
 
 def _kinds(result: Denoised) -> Json:
@@ -172,7 +167,7 @@ def _kinds(result: Denoised) -> Json:
     return {"k": n_versions, "noun": "version" if n_versions == 1 else "versions"}
 
 
-def _found(result: Denoised) -> str:
+def _told(result: Denoised) -> str:
     noise = ", ".join(f"{value:.3g}" for value in result.noise)
     near = result.noise_neighbors
     kind = f", shared by neighbors (correlation {near:.2f})" if result.noise_shared is not None else ", white"
@@ -191,19 +186,14 @@ def _found(result: Denoised) -> str:
 def _of_file(picture: Picture, shown: Picture) -> list[Picture]:
     """Return the versions that a file has: the frame that is shown, or all pages where nothing says what they are."""
     whole = picture.whole_file or picture
-    if _are_versions(whole):
+    if whole.is_stack:
         return [whole.frame(number) for number in range(whole.header.frames)]
     return [shown if shown.whole_file and shown.whole_file.key == whole.key else picture.frame(0)]
 
 
-def _are_versions(whole: Picture | None) -> bool:
-    return whole is not None and isinstance(whole.frames, Pages) and whole.frames.axes == "Q"
-
-
 def _layer(request: Request, result: Denoised) -> Pixels:
-    bands = result.image.reshape(*result.coverage.shape, -1)
-    rows = bands.reshape(-1, bands.shape[2])
-    seen = request.picture.colors_seen(rows, alpha=bands.shape[2] in (2, 4) and request.picture.header.has_alpha)
+    rows = result.image.reshape(result.coverage.size, -1)
+    seen = request.picture.colors_seen(rows, alpha=rows.shape[1] in (2, 4) and request.picture.header.has_alpha)
     return Pixels(seen.reshape(*result.coverage.shape, 4))
 
 
