@@ -71,14 +71,32 @@ def test_a_number_that_is_not_allowed_is_refused_and_the_one_in_effect_comes_bac
     one = visit()
     page = one.page
     typed = page.locator("#controls input[type=number]").first
-    one.settled()  # until the picture is read, it may set what begins
     for text in ("40", "", "40.5"):
         typed.fill(text)
         typed.press("Enter")
-        one.settled()
-        assert typed.input_value() == "40"
-        assert "-k 40" in page.inner_text("#command")
-    assert "40.5 must be a whole number" in page.inner_text("#problem")
+        one.until("document.querySelector('#controls input[type=number]').value === '40'")
+        assert "-k 40" in one.command()
+    one.until("document.getElementById('problem').textContent.includes('40.5 must be a whole number')")
+
+
+def test_what_is_typed_and_chosen_before_the_picture_is_read_stays(visit: Go, address: str) -> None:
+    one = visit()
+    page, held = one.page, []
+    page.route("**/given/0", lambda route: held.append(route))
+    for tab, field in (("colors", "k"), ("segments", "regions"), ("stipple", "n_dots"), ("mesh", "n")):
+        page.evaluate("sessionStorage.removeItem('page')")
+        page.goto(address)
+        page.click(f"#tab-{tab}")
+        typed = page.locator(f"#c-{field} ~ input[type=number]")
+        typed.press_sequentially("7")
+        while not held:
+            page.wait_for_timeout(20)
+        held.pop().continue_()
+        one.result()
+        typed.press_sequentially("3")
+        typed.press("Enter")
+        one.until("/ -[kn] \\d*73 /.test(document.getElementById('command').textContent)")
+        assert page.get_attribute(f"#tab-{tab}", "aria-selected") == "true"
 
 
 def test_a_small_picture_begins_with_as_many_tiles_as_fit(visit: Go, tmp_path: Path, folder: Path) -> None:

@@ -24,10 +24,16 @@ export class Controls {
 	constructor(form, changed, openPalette, refused) {
 		Object.assign(this, {form, changed, openPalette, refused});
 		form.addEventListener("submit", event => event.preventDefault());
+		form.addEventListener("input", ({target}) => { this.typing = target.matches("[type=number], [type=text]"); });
+		form.addEventListener("change", () => { this.typing = false; }, true);
+		form.addEventListener("focusout", () => { this.typing = false; if (this.later) this.draw(...this.later); });
 	}
 
 	// palettes: [{id, name}], pictures: [{id, name}]
 	draw(controls, settings, files) {
+		this.later = this.typing && controls === this.controls && [controls, settings, files];
+		if (this.later) return; // what is typed stays until it is chosen or left
+		this.typing = false;
 		const shown = inEffect(controls, settings).filter(control => control.kind !== "swatches" && (!control.only || control.only === files.kind)), key = JSON.stringify([shown.map(control => control.name), files]);
 		if (this.key !== key || this.controls !== controls) {
 			const focused = this.form.contains(document.activeElement) ? document.activeElement.id : "";

@@ -16,7 +16,7 @@ const $ = id => document.getElementById(id);
 const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt)$/i;
 const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
 
-const state = {tabs: [], tab: "colors", settings: {}, fitted: {}, picture: null, frame: 0, pictures: [], palettes: [], spot: -1};
+const state = {tabs: [], tab: "colors", settings: {}, fitted: {}, touched: new Set(), picture: null, frame: 0, pictures: [], palettes: [], spot: -1};
 let last = null, before = null, kept = null, other = null, timer = 0, started = 0, share = 0, shared = 0, expected = 0, frame = 0;
 
 const viewer = new Viewer({moved, picked});
@@ -72,24 +72,20 @@ function keep() {
 	}
 }
 
-async function found() {
+function found() { // before anything can be chosen
 	const then = JSON.parse(sessionStorage.page ?? "null");
-	if (!then || !state.keep) return;
-	for (const id of then.pictures) {
-		if (!state.pictures.some(one => one.id === id)) await get(`/picture/${id}`).then(answer => answer.json()).then(one => { added(one, false); }, () => {});
-	}
+	if (!then) return {};
 	state.palettes = then.palettes;
 	for (const [name, values] of Object.entries(then.settings)) Object.assign(state.settings[name] ?? {}, values);
 	steps.take(then.past, then.future);
-	const shown = state.pictures.find(one => one.id === then.shown);
-	state.tab = then.tab;
-	if (shown) await show(shown); else showTab(then.tab);
+	return then;
 }
 
 // Choosing
 
 function change(name, value, live, more = {}) {
 	steps.before(name, value, live);
+	state.touched.add(state.tab + name);
 	if (name === "start" && value === "hand" && last?.facts.counts) more = {colors: shades.hexes}; // begins with what is seen
 	state.settings[state.tab] = {...settings(), ...more, [name]: value};
 	state.spot = shades.spot = -1;
@@ -468,8 +464,7 @@ async function open(files) {
 	await read(images);
 }
 
-async function read(images) { // [[name, what opens it]]: the first is shown, and is seen while the others are read
-	let shown = null;
+async function read(images, shown = null) { // [[name, what opens it]]: the first is shown, and is seen while the others are read
 	for (const [number, [name, picture]] of images.entries()) {
 		$("facts").textContent = `reading ${images.length > 1 ? `${number + 1} of ${images.length}, ` : ""}${name}…`;
 		try { const showing = added(await picture(), !shown); shown ??= showing; } catch (error) { report(error.message); }
@@ -509,7 +504,7 @@ async function show(picture) {
 	$("width").value = Math.round(picture.width / 2);
 	$("pictures").value = picture.id;
 	viewer.left.clear();
-	if (sheet()) state.tab = "colors";
+	if (sheet() && document.body.dataset.ready) state.tab = "colors";
 	lay();
 	last = before = other = kept = null;
 	$("against").querySelector("[value=A]")?.remove();
@@ -520,7 +515,7 @@ async function show(picture) {
 		state.fitted[name] = fitted(controls, state.settings[name], picture.width * picture.height, state.fitted[name] ?? {});
 		state.settings[name] = {...state.settings[name], ...state.fitted[name]};
 	}
-	if (picture.distinct <= 2) state.settings.mesh = {...state.settings.mesh, of: "picture"};
+	if (picture.distinct <= 2 && !state.touched.has("meshof")) state.settings.mesh = {...state.settings.mesh, of: "picture"};
 	link.ask("before", original(), {main: true});
 	showTab(state.tab);
 	measure();
@@ -679,10 +674,14 @@ async function start() {
 		next.click();
 		next.focus();
 	});
-	showTab("colors");
-	await read(about.given.map((name, number) => [name, () => send(`/given/${number}`)]));
+	const {pictures = [], shown, tab: then = "colors"} = about.keep ? found() : {};
+	showTab(then);
+	await read(about.given.map((name, number) => [name, () => send(`/given/${number}`)]), shown);
+	for (const id of pictures) {
+		if (!state.pictures.some(one => one.id === id)) await get(`/picture/${id}`).then(answer => answer.json()).then(one => { added(one, false); }, () => {});
+	}
+	if (shown && state.pictures.length) await show(state.pictures.find(one => one.id === shown) ?? state.pictures[0]);
 	state.keep = about.keep;
-	await found();
 	takeShared();
 	facts();
 	document.body.dataset.ready = "true";

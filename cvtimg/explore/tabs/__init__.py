@@ -10,9 +10,8 @@ from cvtimg.explore.store import Store
 from cvtimg.explore.tabs.artwork_tabs import MosaicTab, StippleTab
 from cvtimg.explore.tabs.base import Request, Tab
 from cvtimg.explore.tabs.colors_tabs import ColorsTab, PaletteTab
-from cvtimg.explore.tabs.mesh_tab import MeshTab
 from cvtimg.explore.tabs.restore_tab import RestoreTab
-from cvtimg.explore.tabs.segments_tab import SegmentsTab
+from cvtimg.explore.tabs.segments_tabs import MeshTab, SegmentsTab
 from cvtimg.explore.tabs.sheet_tabs import DesignTab, SphereTab
 
 #: All tabs by name, in the order of the page.
