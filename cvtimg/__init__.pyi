@@ -32,7 +32,7 @@ from .elbow.curves import energy_curve as energy_curve
 from .engine.tessellation import tessellate as tessellate
 from .files.finding import find_images as find_images
 from .labels.contours import find_contours as find_contours
-from .labels.edges import find_edges as find_edges
+from .labels.contours import find_edges as find_edges
 from .labels.files import read_labels as read_labels
 from .labels.files import write_labels as write_labels
 from .labels.formats import write_contours as write_contours

@@ -1,4 +1,4 @@
-"""Budgets that many modules share: how much is held, worked on or looked at at a time.
+"""Budgets that many modules share: how much is held, worked on or looked at at a time; and what counts as rounding.
 
 Those of memory suit machines of 8 GB. NumPy is not imported here, so that the options of ``--help`` may name them.
 """
@@ -17,3 +17,10 @@ ROWS_AT_ONCE = 1 << 20
 SAMPLES_OF_FIGURE = 1 << 16
 #: Numbers of a temporary array that stays in the cache of a core: with more, each pass fetches them from memory again.
 IN_CACHE = 1 << 15
+#: Samples by which a sum over a region is right to about a thousandth: four times as many halve that, and take as long.
+ENOUGH_SAMPLES = 1 << 17
+#: Share of its size by which a place that is given may be off: files have six digits or more. With more, what is
+#: elsewhere is taken to be there.
+GIVEN = 1e-6
+#: Share by which sums of doubles may be off: some thousand roundings. With more, what is nearly alike counts as alike.
+ROUNDING = 1e-12

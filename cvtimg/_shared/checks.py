@@ -5,7 +5,7 @@ A module whose sentence is its own raises its own error.
 
 import os
 import sys
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
@@ -163,6 +163,16 @@ def check_returned(name: str, values: Array, n_points: int) -> None:
     """Refuse what a function of points returned if it is not one value per point."""
     if values.shape != (n_points,):
         raise ValueError(f"{name} returned shape {values.shape} and must return ({n_points},), one per point")
+
+
+def check_values(name: str, values: ArrayLike, points: Array, holds: Callable[[Floats], Bools], allowed: str) -> Floats:
+    """Return what a function of points returned as float64: one value per point, for each of which something holds."""
+    array = np.asarray(values, np.float64)
+    check_returned(name, array, len(points))
+    wrong = np.flatnonzero(~holds(array))
+    if len(wrong):
+        refuse(f"{name} at {points[wrong[0]].tolist()}", float(array[wrong[0]]), allowed)
+    return array
 
 
 def check_rows(name: str, rows: object) -> Array:

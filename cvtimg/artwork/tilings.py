@@ -15,11 +15,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+import cvtimg.artwork._artwork as _artwork
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_stripes, of_each
 from cvtimg._shared.types import Floats, Floats32, Indices, Ints
-from cvtimg.artwork import _artwork
 from cvtimg.placement import pixel_labels, place_generators
 
 #: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.

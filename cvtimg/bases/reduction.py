@@ -9,13 +9,13 @@ from typing import Any, Literal, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MAX_COLORS, ROUNDING
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, check_that, check_weights
 from cvtimg._shared.choices import Row
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg._shared.types import Array, Floats, Ints64
-from cvtimg.bases.sketch import EXACT_RANK, Sketch, sketch
-from cvtimg.bases.snapshots import as_snapshots
+from cvtimg.bases.snapshots import EXACT_RANK, Sketch, as_snapshots, sketch
 from cvtimg.elbow.rules import CHORD_ENDS, chord_linear
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
@@ -309,7 +309,7 @@ def reduced_basis(
         asked = check_count(
             "n_modes", cast("int", n_modes), most, f"for {given.n_snapshots} snapshots of {given.n_dims} values"
         )
-    check_count("n_cells", n_cells, 1 << 16, "the most cells")
+    check_count("n_cells", n_cells, MAX_COLORS, "the most cells")
     cells = min(n_cells, given.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)
@@ -341,7 +341,7 @@ def reduced_basis(
 def _fewest(snapshots: Sketch, share: float, most: int) -> int:
     """Return the fewest modes of POD, 1 at least, that explain a share of the variance."""
     explained = np.cumsum((snapshots.coordinates**2).sum(axis=0))[:most]
-    n_modes = int(np.searchsorted(explained, share * snapshots.variance * (1 - 1e-12))) + 1
+    n_modes = int(np.searchsorted(explained, share * snapshots.variance * (1 - ROUNDING))) + 1
     reached = explained[-1] / snapshots.variance if snapshots.variance else 1.0
     if n_modes > len(explained) and snapshots.variance:
         raise ValueError(f"n_modes={share:g} must be at most {reached:.4g}, the share that {most} modes explain")

@@ -7,6 +7,7 @@ from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cvtimg._shared.budgets import GIVEN
 from cvtimg._shared.extras import optional
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 from cvtimg.files.remote import exists, local_copy
@@ -29,8 +30,6 @@ EXAMPLES = """\
 COLUMNS = ("n", "kept", "median_width_km", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
 #: Half of the way around the earth, in km: wider cells are meant in meters.
 _WIDEST = 20_000
-#: How far points of a file may be from their sphere, by its radius.
-_OFF_THE_SPHERE = 1e-6
 #: Pixels along a cell of maps that are drawn of polygons: fewer make coasts jagged; and heights in pixels at least and
 #: at most, for islands between points and for memory.
 _PIXELS, _LEAST_HEIGHT, _MOST_HEIGHT = 6, 360, 4320
@@ -326,7 +325,7 @@ def read_grid_points(path: Path) -> Floats:
     lengths = np.linalg.norm(table, axis=1)
     radius = float(np.median(lengths))
     worst = int(np.abs(lengths - radius).argmax())
-    if abs(lengths[worst] - radius) > _OFF_THE_SPHERE * radius:
+    if abs(lengths[worst] - radius) > GIVEN * radius:
         off = f"point {worst} is {lengths[worst]:g} from the center, not {radius:g}"
         raise ValueError(f"points of {path} must be on a sphere: {off}")
     # On a sphere of radius 1, points keep their bits.

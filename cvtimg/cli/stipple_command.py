@@ -32,7 +32,7 @@ def stipple(given: Given) -> Todo:
 
 def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import cvtimg
-    from cvtimg.artwork.papers import Sheet
+    from cvtimg.artwork.stipples import Sheet
 
     image = cvtimg.read_image(task.source)
     stopwatch.lap("read")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import IN_CACHE
 from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg._shared.sums import take_rows
@@ -21,8 +22,6 @@ from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
 #: Numbers from this size on are sorted: tables of them would take more time and memory.
 _OF_TABLE = 1 << 24
-#: Pixels whose numbers stay in the cache while bands are added.
-_BLOCK = 1 << 15
 #: The `inverse` of colors without their pixels.
 NO_PIXELS = np.empty((0, 0), np.int32)
 
@@ -177,7 +176,7 @@ def _numbers_of(rows: Array) -> Array:
             for part, band in zip(parts, pixels[block].T, strict=True):
                 numbers[block] |= np.take(part, band)
 
-        in_stripes(number, len(rows), n_bytes * len(rows), _BLOCK)
+        in_stripes(number, len(rows), n_bytes * len(rows), IN_CACHE)
         return numbers
     if n_bytes > 8:
         return pixels.view(f"V{n_bytes}")[:, 0]
@@ -220,14 +219,14 @@ def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     def rank(block: slice) -> None:
         np.take(rank_of, places[block], out=inverse[block], mode="clip")  # which needs no copy of what comes out
 
-    in_stripes(use, len(numbers), 16.0 * len(numbers), _BLOCK)
+    in_stripes(use, len(numbers), 16.0 * len(numbers), IN_CACHE)
     used = np.flatnonzero(is_used)
     start_of[used] = np.arange(len(used)) << 8
     is_there = np.zeros(len(used) << 8, np.bool_)
-    in_stripes(place, len(numbers), 16.0 * len(numbers), _BLOCK)
+    in_stripes(place, len(numbers), 16.0 * len(numbers), IN_CACHE)
     taken = np.flatnonzero(is_there)
     rank_of = np.empty(len(is_there), np.int32)
     rank_of[taken] = np.arange(len(taken), dtype=np.int32)
-    in_stripes(rank, len(numbers), 16.0 * len(numbers), _BLOCK)
+    in_stripes(rank, len(numbers), 16.0 * len(numbers), IN_CACHE)
     distinct = (used[taken >> 8] << 8 | taken & 255).astype(np.uint32)
     return distinct, inverse, np.bincount(inverse).astype(np.float64)

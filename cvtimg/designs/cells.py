@@ -12,16 +12,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+import cvtimg.designs._designs as _designs
 from cvtimg._shared.checks import check_rows, check_within
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Array, Floats, Floats32
-from cvtimg.designs import _designs
 from cvtimg.engine.points import Points, assign, cell_moments, energy, pack
 from cvtimg.engine.samples import WeightedSamples
-from cvtimg.placement.moments import CellSums, Moments
+from cvtimg.placement.moments import CellSums, Moments, SampleMoments
 from cvtimg.placement.regions import Box
-from cvtimg.placement.samples import SampleMoments
 
 #: Dimensions up to which cells are computed exactly.
 MOST_EXACT_DIMS = 3

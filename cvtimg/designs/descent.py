@@ -10,20 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.types import Bools, Floats
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, sobol_samples
-from cvtimg.designs.latin import Slices, latinize
+from cvtimg.designs.latin import Slices, anneal, even_out, latinize
 from cvtimg.designs.measures import point_measures, star_discrepancy
-from cvtimg.designs.swaps import anneal, even_out
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
 
 #: Share by which the energy of Latin points may be above the best if they are more even.
 _ABOUT = 5e-3
-#: Samples from which on the search has two stages.
-_TWO_STAGES_FROM = 1 << 18
 #: Free points stay so far from the walls of the cube.
 _MARGIN = 1e-9
 
@@ -155,7 +153,7 @@ def _tessellated(
     locked = existing if len(existing) else None
     n_all = n_points + len(existing)
     samples, weights, start = cube.samples, cube.weights, init
-    if len(samples) >= _TWO_STAGES_FROM:  # the first of Sobol's points are as even as all of them
+    if len(samples) > ENOUGH_SAMPLES:  # the first of Sobol's points are as even as all of them
         few = slice(0, len(samples) // 4)
         some = None if weights is None else weights[few]
         result = tessellate(samples[few], n_all, density=some, locked=locked, init=init, effort="balanced", rng=rng)

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MAX_COLORS, ROUNDING
 from cvtimg._shared.checks import check_in_range
 from cvtimg._shared.types import Floats, Indices
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
 from cvtimg.tables.columns import Columns, Dialect, open_columns
-
-#: Runs of a design, and whole numbers that are levels, at most.
-MAX_RUNS = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,10 +177,10 @@ def _factor(fields: Mapping[str, str]) -> Factor:
     if kind == "continuous" or (kind == "log" and low > 0):
         return Factor(name, low, high, unit=unit, log=kind == "log")
     step = float(kind) if _is_number(kind) else 1.0 if kind == "integer" and low % 1 == high % 1 == 0 else 0.0
-    if not (high - low) / MAX_RUNS < step <= high - low:
+    if not (high - low) / MAX_COLORS < step <= high - low:
         allowed = "continuous, log above 0, integer between whole numbers, or a step that fits between them"
         raise ValueError(f"{name} of kind {kind} must be {allowed}")
-    numbers = low + step * np.arange(int((high - low) / step * (1 + 1e-12)) + 1)
+    numbers = low + step * np.arange(int((high - low) / step * (1 + ROUNDING)) + 1)
     return Factor(name, levels=tuple(f"{level:.12g}" for level in numbers), unit=unit)
 
 

@@ -8,14 +8,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.budgets import ROUNDING
 from cvtimg._shared.checks import check_count, check_in_range, check_shape
 from cvtimg._shared.types import Floats, Indices
 from cvtimg.designs.cells import check_unit_points
 
 _Labels = Indices
 
-#: Two points change places if the terms of all pairs fall by more than this: less is rounding.
-_GAIN = 1e-9
 #: Few points begin so often, of which the best is kept.
 _FEW, _STARTS = 256, 8
 
@@ -77,7 +76,7 @@ def _exchange(
     n_points = len(labels)
     every, free = np.arange(n_points), np.arange(n_known, n_points)
     sums: Floats = np.stack([np.bincount(labels, terms_of(point), n_groups) for point in range(n_points)])
-    is_better = True
+    is_better, rounding = True, ROUNDING * float(sums.max())
     while is_better:
         is_better = False
         for i in rng.permutation(free).tolist():
@@ -85,7 +84,7 @@ def _exchange(
             change = sums[i, labels] - sums[i, group] + sums[:, group] - sums[every, labels] - 2 * terms
             change[(labels == group) | (every < n_known)] = 0
             j = int(change.argmin())
-            if change[j] < -_GAIN:
+            if change[j] < -rounding:
                 is_better = True
                 difference = terms_of(j) - terms
                 sums[:, group] += difference

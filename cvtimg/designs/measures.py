@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+import cvtimg.designs._designs as _designs
+from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.checks import check_shape, check_that
 from cvtimg._shared.types import Floats, Indices, Ints
-from cvtimg.designs import _designs
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, check_unit_points, exact_cells, nearest_distances, sobol_samples
-from cvtimg.designs.regions import MANY_SAMPLES
 from cvtimg.placement.cells import regularity
 
 #: Walks from box to box, as they end in different corners; comparisons of points with boxes in each, about a tenth of a
@@ -175,7 +175,7 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     if exact := array.shape[1] <= MOST_EXACT_DIMS:
         cells = exact_cells(array, periodic)
     else:
-        cells = Cube(sobol_samples(MANY_SAMPLES, array.shape[1], rng), periodic=periodic).cells(array)
+        cells = Cube(sobol_samples(8 * ENOUGH_SAMPLES, array.shape[1], rng), periodic=periodic).cells(array)
     return PointMeasures(
         discrepancy=discrepancy,
         **regularity(cells, nearest),

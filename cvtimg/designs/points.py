@@ -11,19 +11,28 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, check_that, refuse
+from cvtimg._shared.budgets import ENOUGH_SAMPLES, MAX_COLORS
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_density,
+    check_in_range,
+    check_returned,
+    check_shape,
+    check_that,
+    refuse,
+)
 from cvtimg._shared.choices import EffortName, Row
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.types import Array, Floats, Indices
-from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Indices
+from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, sobol_samples
 from cvtimg.designs.descent import EFFORTS, place, place_for, place_latin, place_latin_within
-from cvtimg.designs.factors import MAX_RUNS, Factor, check_names
+from cvtimg.designs.factors import Factor, check_names
 from cvtimg.designs.groups import split_evenly
+from cvtimg.designs.latin import CRITERIA
 from cvtimg.designs.measures import PointMeasures, point_measures
-from cvtimg.designs.regions import Region
-from cvtimg.designs.swaps import CRITERIA
 from cvtimg.files.whole import StrPath, whole_file, write_csv
 
 CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"]
@@ -190,7 +199,7 @@ def design(
     >>> np.sort(found.points[:, 1]).tolist()
     [-4.375, -3.125, -1.875, -0.625, 0.625, 1.875, 3.125, 4.375]
     """
-    check_count("n_points", n_points, MAX_RUNS, "the most points")
+    check_count("n_points", n_points, MAX_COLORS, "the most points")
     check_choice("effort", effort, EFFORTS)
     check_choice("criterion", criterion, ("cvt", *CRITERIA))
     factors = _checked_factors(bounds)
@@ -305,3 +314,76 @@ def _with_categories(factors: list[Factor], existing: Floats, unit: Floats, rng:
         groups.append(split_evenly(along, n_levels, known=known, others=groups, rng=rng))
         every[:, axis] = (groups[-1] + 0.5) / n_levels
     return every[n_old:]
+
+
+#: Where fewer of the samples are feasible, they are spread over a smaller box.
+_ENOUGH = 0.1
+
+
+class Region:
+    """The part of the unit cube where points may lie, and how densely."""
+
+    def __init__(self, axes: list[Factor], feasible: object, density: object) -> None:
+        self.axes = axes
+        self._feasible, self._density = feasible, density
+        limits = {"density": density, "feasible": feasible}
+        self.given = [name for name, limit in limits.items() if limit is not None]
+        self.is_box = not self.given
+        self.may_be_latin = density is None
+
+    def samples(self, n: int, rng: np.random.Generator) -> tuple[Floats32, Floats | None]:
+        """Draw about the given number of samples (m, d), and their weights, if they differ."""
+        n = int(np.clip(n, ENOUGH_SAMPLES // 8, 8 * ENOUGH_SAMPLES))
+        samples = sobol_samples(n, len(self.axes), rng)
+        if self._feasible is not None:
+            samples = _feasible_samples(samples, self.allows, rng)
+        if self._density is None or not len(samples):
+            return samples, None
+        weights = self._called("density", self._density, samples).astype(np.float64)
+        # Only their ratios count, and sums must be finite.
+        weights = np.ldexp(weights, -np.frexp(np.max(weights))[1])
+        check_density(weights, len(samples))
+        return samples[weights > 0], weights[weights > 0]
+
+    def allows(self, places: Array) -> Bools:
+        """Tell which of (m, d) places are in the region."""
+        if self._feasible is None:
+            return np.ones(len(places), bool)
+        return self._called("feasible", self._feasible, places).astype(bool)
+
+    def mended(self, places: Floats, *, samples: Floats32) -> Floats:
+        """Move centers of mass (n, d) that are not in the region into it."""
+        outside = ~self.allows(places)
+        if outside.any():
+            from scipy.spatial import cKDTree
+
+            places = places.copy()
+            places[outside] = samples[cKDTree(samples).query(places[outside])[1]]
+        return places
+
+    def _called(self, name: str, function: Any, places: Array) -> Array:
+        columns = [axis.numbers(axis.at(column)) for axis, column in zip(self.axes, places.T, strict=True)]
+        values = np.asarray(function(np.stack(columns, axis=1)))
+        check_returned(name, values, len(places))
+        return values
+
+
+def _feasible_samples(samples: Floats32, is_feasible: Callable[[Any], Bools], rng: np.random.Generator) -> Floats32:
+    """Leave samples that are feasible; where few are, spread all of them over the box around those, and again."""
+    n_dims = samples.shape[1]
+    start, size, tried = np.zeros(n_dims), np.ones(n_dims), samples
+    while True:
+        places = (start + tried * size).astype(np.float32)
+        feasible = places[is_feasible(places)]
+        if len(feasible) == 0 and len(tried) < 8 * ENOUGH_SAMPLES:
+            tried = sobol_samples(8 * ENOUGH_SAMPLES, n_dims, rng)
+            continue
+        if len(feasible) == 0 or len(feasible) > _ENOUGH * len(tried):
+            return feasible
+        # There may be more beyond the outermost ones, by about the distance between samples.
+        margin = 3 * np.ptp(feasible, axis=0) / len(feasible) + size * len(tried) ** (-1 / n_dims)
+        corner = np.clip(feasible.min(axis=0) - margin, 0, 1)
+        smaller = np.clip(feasible.max(axis=0) + margin, 0, 1) - corner
+        if smaller.prod() > size.prod() / 2:
+            return feasible
+        start, size, tried = corner, smaller, samples

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+import cvtimg.engine._kernels as _kernels
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Array, Floats, Indices, Ints
-from cvtimg.engine import _kernels
 
 #: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
 #: so that sums have the same bits for any number of threads.

@@ -11,9 +11,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+import cvtimg.engine._kernels as _kernels
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Array, Floats, Indices, Ints, Ints64
-from cvtimg.engine import _kernels
 from cvtimg.engine.points import Points, cell_energies
 
 #: Takes points, the number of generators and a random generator; returns (K, D) initial generators in the frame.

@@ -1,9 +1,10 @@
 from .components import absorb_small as absorb_small
 from .components import connected_pieces as connected_pieces
+from .components import track_labels as track_labels
 from .contours import Contours as Contours
 from .contours import Polygon as Polygon
 from .contours import find_contours as find_contours
-from .edges import find_edges as find_edges
+from .contours import find_edges as find_edges
 from .figures import mean_picture as mean_picture
 from .figures import region_means as region_means
 from .figures import region_table as region_table
@@ -14,4 +15,3 @@ from .files import write_table as write_table
 from .formats import CONTOUR_FORMATS as CONTOUR_FORMATS
 from .formats import Drawing as Drawing
 from .formats import write_contours as write_contours
-from .tracking import track_labels as track_labels

@@ -13,9 +13,9 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+import cvtimg.looks._looks as _looks
 from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bytes, Floats, Floats32
-from cvtimg.looks import _looks
 from cvtimg.looks.similarity import blurred
 
 #: Rows that are mapped without those above them, so that several threads share the work.

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+import cvtimg.looks._looks as _looks
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.threads import in_stripes, of_each
 from cvtimg._shared.types import Array, Floats, Floats32
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
-from cvtimg.looks import _looks
 
 #: Each scale has half the width and height of the one before; smaller images have fewer.
 _N_SCALES, _LEAST_SIDE = 6, 8

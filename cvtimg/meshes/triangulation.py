@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+import cvtimg.meshes._meshes as _meshes
 from cvtimg._shared.extras import optional
 from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points, Triangles
 from cvtimg.halfedges import MOST_FLIPS, EdgeTable, HalfEdges, connected_parts, edge_keys, find_twins, measure_triangles
-from cvtimg.meshes import _meshes
 from cvtimg.meshes.outlines import StraightParts, cross
 
 #: Smoothing lowers the sum of the shapes of triangles to this power: the larger, the more the worst counts.

@@ -12,6 +12,7 @@ from .implicit import ImplicitRegion as ImplicitRegion
 from .moments import CellMoments as CellMoments
 from .moments import Moments as Moments
 from .moments import PixelMoments as PixelMoments
+from .moments import SampleMoments as SampleMoments
 from .moments import pixel_labels as pixel_labels
 from .place import place_generators as place_generators
 from .polygons import PictureRegion as PictureRegion
@@ -20,4 +21,3 @@ from .polygons import as_region as as_region
 from .regions import Box as Box
 from .regions import Region as Region
 from .result import Placement as Placement
-from .samples import SampleMoments as SampleMoments

@@ -7,15 +7,15 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.checks import check_in_range, refuse_type
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.types import Array, Floats, Indices, Points
 from cvtimg.placement.densities import ConstantDensity, Density
-from cvtimg.placement.moments import CellSums, Moments
+from cvtimg.placement.moments import CellSums, Moments, SampleMoments
 from cvtimg.placement.polygons import triangle_areas, triangulate
 from cvtimg.placement.regions import Box, Region
-from cvtimg.placement.samples import SampleMoments
 
 #: (K,) shapely polygons; and corners of K convex polygons.
 Geometries: TypeAlias = Array
@@ -31,8 +31,8 @@ _POINTS = np.array(
 _WEIGHTS = np.array([9 / 40] + [(155 - _ROOT) / 1200] * 3 + [(155 + _ROOT) / 1200] * 3)
 #: Largest triangle over which a density is integrated by these points, in cells of the mean area.
 _COARSEST = 0.5
-#: Samples for each cell, and the fewest and the most of all, where cells are no polygons.
-_SAMPLES, _SAMPLE_RANGE = 4000, (1 << 17, 1 << 21)
+#: Samples for each cell where cells are no polygons: with four times as many, h is half as far below its value.
+_SAMPLES = 4000
 
 
 def voronoi_cells(points: Points, region: Region) -> Geometries:
@@ -72,6 +72,7 @@ def _with_copies(sites: Points, box: Box) -> Points:
     return np.concatenate([sites + np.array([x, y]) * box.sides for x in turns[0] for y in turns[1]])
 
 
+@dataclass(frozen=True, slots=True)
 class PolygonMoments:
     """Moments of Voronoi cells in a region of the plane: exact for a constant density, else by quadrature.
 
@@ -83,23 +84,20 @@ class PolygonMoments:
         polynomial of the third degree.
     """
 
-    __slots__ = ("_density", "_region")
-
-    def __init__(self, region: Region, density: Density) -> None:
-        self._region = region
-        self._density = density
+    region: Region
+    density: Density
 
     def __call__(self, generators: Points, /) -> Moments:
         """Compute the moments of the cells of (K, 2) generators."""
-        cells = voronoi_cells(generators, self._region)
-        if isinstance(self._density, ConstantDensity):
-            return polygon_sums(cells, generators).moments(generators, self._density.value)
-        triangles, cell = _divided(*triangulate(cells), _COARSEST * self._region.measure / len(cells))
+        cells = voronoi_cells(generators, self.region)
+        if isinstance(self.density, ConstantDensity):
+            return polygon_sums(cells, generators).moments(generators, self.density.value)
+        triangles, cell = _divided(*triangulate(cells), _COARSEST * self.region.measure / len(cells))
         places = np.einsum("qi,tid->tqd", _POINTS, triangles)
         at = places.reshape(-1, 2)
-        if isinstance(self._region, Box):
-            at = self._region.project(at)
-        weights = self._density(at).reshape(len(triangles), -1) * _WEIGHTS * triangle_areas(triangles)[:, None]
+        if isinstance(self.region, Box):
+            at = self.region.project(at)
+        weights = self.density(at).reshape(len(triangles), -1) * _WEIGHTS * triangle_areas(triangles)[:, None]
         steps = places - generators[cell][:, None]
         masses = sum_by_label(cell, weights.sum(axis=1), len(cells))
         firsts = sum_by_label(cell, np.einsum("tq,tqd->td", weights, steps), len(cells))
@@ -108,7 +106,7 @@ class PolygonMoments:
 
 
 def _divided(triangles: Points, cell: Indices, largest: float) -> tuple[Points, Indices]:
-    """Divide triangles (T, 3, 2) into four until none has a larger area; `own` are their cells (T,)."""
+    """Divide triangles (T, 3, 2) into four until none has a larger area; also the cells (T,) of those."""
     done, cells = [], []
     while len(triangles):
         large = triangle_areas(triangles) > largest
@@ -198,7 +196,8 @@ def measure_cells(points: Points, region: Region) -> CellMeasures:
     if region.is_polygonal:
         sums = polygon_sums(voronoi_cells(points, region), points)
     else:
-        samples = region.sample(int(np.clip(_SAMPLES * len(points), *_SAMPLE_RANGE)))
+        n = int(np.clip(_SAMPLES * len(points), ENOUGH_SAMPLES, 16 * ENOUGH_SAMPLES))
+        samples = region.sample(n)
         sums = SampleMoments(samples, 2, region).cells(points)
     gaps = region.nearest(points, points, 2)[0][:, 1]  # infinite for a single point
     return CellMeasures(

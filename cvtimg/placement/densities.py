@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_picture_density, check_positive, check_returned, refuse, refuse_type
+from cvtimg._shared.checks import check_picture_density, check_positive, check_values, refuse_type
 from cvtimg._shared.types import Floats, Floats32, Points
 
 #: From (N, D) points to their (N,) densities.
@@ -56,12 +56,8 @@ class FunctionDensity:
 
     def __call__(self, points: Points) -> Floats:
         """Return the density at (N, D) points."""
-        values = np.asarray(self.function(points), np.float64)
-        check_returned("density", values, len(points))
-        wrong = ~((values >= 0) & (values < np.inf))
-        if wrong.any():
-            refuse(f"density at {points[wrong][0].tolist()}", float(values[wrong][0]), "finite and >= 0")
-        return values
+        holds = "finite and >= 0"
+        return check_values("density", self.function(points), points, lambda at: (at >= 0) & (at < np.inf), holds)
 
 
 def as_density(density: DensityLike) -> Density:

@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
+import cvtimg.placement._descent as _descent
+from cvtimg._shared.budgets import ROUNDING
 from cvtimg._shared.iteration import Stopping, Watch, iterate
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Bools, Floats, Points
-from cvtimg.placement import _descent
 from cvtimg.placement.moments import CellMoments, Moments
 
 #: Where generators (K, D) that have moved may be, given where they came from.
@@ -63,7 +64,7 @@ class StepMemory:
         arrays = *map(np.ravel, (after, before, old, new)), self._steps, self._changes, np.array(kept, np.int32)
         *products, size, square = _sums(_descent.learn, arrays, len(after), 2 * len(kept) + 2)
         along, ahead = products[: len(kept)], products[len(kept) :]
-        if along[-1] > 1e-12 * (size * square) ** 0.5:
+        if along[-1] > ROUNDING * (size * square) ** 0.5:
             self._products[kept[-1], kept] = along
             self._kept, self._along = kept[-5:], ahead[-5:]
         else:
@@ -167,14 +168,19 @@ class _MayRise(Stopping):
 Descend = Callable[[CellMoments, Points, Terms], Descent]
 
 
-def lloyd(moments: CellMoments, generators: Points, terms: Terms) -> Descent:
-    """Move each generator to the center of mass of its cell: sure, and slow near the end."""
-    return _follow(moments, generators, terms, partial(_relaxed, moments, terms, 1.0))
+def lloyd(moments: CellMoments, generators: Points, terms: Terms, factor: float = 1.0) -> Descent:
+    """Move each generator to the center of mass of its cell: sure, and slow near the end; or `factor` times as far."""
+
+    def move(at: _State) -> _State:
+        there = _moved(moments, at, factor * at.to_centroids, terms)
+        is_plain = factor == 1 or there.energy < at.energy
+        return there if is_plain else _moved(moments, at, at.to_centroids, terms)
+
+    return _follow(moments, generators, terms, move)
 
 
-def over_relaxed(moments: CellMoments, generators: Points, terms: Terms, factor: float = 1.8) -> Descent:
-    """Move each generator `factor` times the way to the center of mass of its cell: about half of Lloyd's moves."""
-    return _follow(moments, generators, terms, partial(_relaxed, moments, terms, factor))
+#: Takes about half of Lloyd's moves; nearer to 2, steps go to and fro.
+over_relaxed: Descend = partial(lloyd, factor=1.8)
 
 
 def l_bfgs(moments: CellMoments, generators: Points, terms: Terms) -> Descent:
@@ -223,14 +229,6 @@ def _follow(moments: CellMoments, generators: Points, terms: Terms, move: Callab
 
     history = iterate(at.energy, step, stopping, terms.watch)
     return Descent(at.generators, at.moments, tuple(history.energies), history.converged)
-
-
-def _relaxed(moments: CellMoments, terms: Terms, factor: float, at: _State) -> _State:
-    """Move as Lloyd's method does, `factor` times as far; where that raises the energy, as far."""
-    there = _moved(moments, at, factor * at.to_centroids, terms)
-    if factor == 1 or there.energy < at.energy:
-        return there
-    return _moved(moments, at, at.to_centroids, terms)
 
 
 class _QuasiNewton:

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_finite, check_returned, check_shape, check_that, refuse
+from cvtimg._shared.budgets import ENOUGH_SAMPLES, ROUNDING
+from cvtimg._shared.checks import check_finite, check_shape, check_that, check_values
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.placement.regions import Box, Geometry, Region, low_discrepancy
 
-#: Points by which the measure of a region is counted.
-_COUNTED = 1 << 17
 #: Cells along each axis by which the boundary of a region is traced.
 _TRACED = 512
 
@@ -30,12 +29,7 @@ class ImplicitFunction:
 
     def __call__(self, points: Points) -> Floats:
         """Compute the values (N,) at (N, D) points."""
-        values = np.asarray(self.function(points), np.float64)
-        check_returned("function", values, len(points))
-        unknown = np.isnan(values)
-        if unknown.any():
-            refuse(f"function at {points[unknown][0].tolist()}", np.nan, "a number")
-        return values
+        return check_values("function", self.function(points), points, lambda values: ~np.isnan(values), "a number")
 
     def slopes(self, points: Points) -> Points:
         """Compute the gradients (N, D), by central differences if none was given."""
@@ -66,7 +60,7 @@ class ImplicitFunction:
             places = places - step * np.minimum(1, longest * size / np.maximum(length, 1e-300))
             if slide:
                 places = self.box.project(places)
-            if length.max(initial=0) < 1e-12 * size:
+            if length.max(initial=0) < ROUNDING * size:
                 break
         return self.box.project(places)
 
@@ -98,7 +92,7 @@ class ImplicitRegion(Region):
     def __init__(self, function: Callable[[Points], Any], lower: ArrayLike, upper: ArrayLike) -> None:
         object.__setattr__(self, "box", Box(lower, upper))
         object.__setattr__(self, "function", ImplicitFunction(function, self.box))
-        share = (self.function(self.box.draw(_COUNTED)) <= 0).mean()
+        share = (self.function(self.box.draw(ENOUGH_SAMPLES)) <= 0).mean()
         check_that("function", share > 0, "be <= 0 somewhere within lower and upper: the region is empty")
         object.__setattr__(self, "_measure", float(share) * self.box.measure)
 
@@ -139,9 +133,8 @@ class ImplicitRegion(Region):
                 places[inner] = self.function.to_zero(places[inner])
             if len(places) > 2:
                 rings.append(shapely.Polygon(places))
-        for ring in sorted(
-            rings, key=lambda polygon: -polygon.area
-        ):  # a ring inside of others is a hole, or an island in it
+        # A ring inside of others is a hole, or an island in it.
+        for ring in sorted(rings, key=lambda polygon: -polygon.area):
             whole = shapely.symmetric_difference(whole, shapely.make_valid(ring))
         return whole
 

@@ -32,7 +32,7 @@ class PlacementEffort:
     in_picture: Stopping  # when to stop in the picture itself
     elsewhere: Stopping  # when to stop in other regions
     samples: int  # for each generator, where cells are not integrated exactly
-    most_samples: int  # of all generators; an eighth of those of "fast" at least
+    most_samples: int  # of all generators, in multiples of what is enough for a sum over a region
     n_starts: int = 1  # in other regions, of which the best is kept
 
 
@@ -40,9 +40,9 @@ class PlacementEffort:
 _ROUGH, _FINE = Stopping(1e-3, 12), Stopping(1e-5, 40)
 #: The registry: names for `effort`.
 EFFORTS = {
-    "fast": PlacementEffort((_ROUGH, _ROUGH), Stopping(1e-3, 8), _ROUGH, 100, 1 << 17),
-    "balanced": PlacementEffort((_FINE, Stopping(1e-4, 20)), Stopping(9e-5, 36), Stopping(1e-6, 100), 400, 1 << 19),
-    "best": PlacementEffort((_FINE, _FINE), Stopping(1e-6, 400), Stopping(1e-10, 1000), 1000, 1 << 21, n_starts=8),
+    "fast": PlacementEffort((_ROUGH, _ROUGH), Stopping(1e-3, 8), _ROUGH, 100, 1),
+    "balanced": PlacementEffort((_FINE, Stopping(1e-4, 20)), Stopping(9e-5, 36), Stopping(1e-6, 100), 400, 4),
+    "best": PlacementEffort((_FINE, _FINE), Stopping(1e-6, 400), Stopping(1e-10, 1000), 1000, 16, 8),
 }
 
 #: Fixed generators are apart by more than this part of the diagonal of their region.

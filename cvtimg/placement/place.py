@@ -8,35 +8,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES, GIVEN, MOST_POINTS
 from cvtimg._shared.checks import (
     check_choice,
     check_count,
     check_in_range,
     check_needs,
+    check_picture_density,
     check_places,
     check_shape,
     check_that,
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
-from cvtimg._shared.types import Floats32, Points
+from cvtimg._shared.types import Array, Floats32, Points
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
-from cvtimg.placement.boundaries import ToBoundary, checked_boundary
 from cvtimg.placement.cells import PolygonMoments
 from cvtimg.placement.densities import Density, DensityLike, PictureDensity, as_density
 from cvtimg.placement.descent import DESCENTS, Projection, Terms
-from cvtimg.placement.moments import CellMoments
+from cvtimg.placement.moments import CellMoments, SampleMoments
 from cvtimg.placement.pictures import EFFORTS, PlacementEffort, check_apart, picture_moments, place_by_levels
 from cvtimg.placement.polygons import PictureRegion, as_region
-from cvtimg.placement.regions import MOST_POINTS, Box, Region
+from cvtimg.placement.regions import Box, Region
 from cvtimg.placement.result import Placement
-from cvtimg.placement.samples import SampleMoments
 
 #: Candidates of a start for each generator.
 _CANDIDATES = 32
-#: Least and greatest density of pixels, whose sums are kept in single precision.
-_FAINTEST, _GREATEST = 1e-30, 1e30
-_FOR_PIXELS = f"in {_FAINTEST:g}..{_GREATEST:g} where the region is a mask"
 #: Requirement for every density.
 _NOT_0 = "not be 0 everywhere in the region"
 
@@ -146,7 +143,7 @@ def place_generators(
 def _projection(region: Region, n_on_boundary: int | None) -> Projection | None:
     """Keep points in the region, and bring them to its boundary if asked to; around a periodic box they may go."""
     if n_on_boundary is not None:
-        return ToBoundary(region, n_on_boundary)
+        return _to_boundary(region, n_on_boundary)
     if isinstance(region, Box):  # a descent compares places that are not wrapped
         low, high = (
             np.where(region.periodic, far, end) for far, end in zip((-np.inf, np.inf), region.bounds, strict=True)
@@ -155,13 +152,48 @@ def _projection(region: Region, n_on_boundary: int | None) -> Projection | None:
     return lambda there, before: region.project(there)
 
 
+def _to_boundary(region: Region, n_generators: int) -> Projection:
+    """Bring to a corner the generator whose cell held it, and to the boundary those whose cells met it.
+
+    The energy may rise at a move. M. Gunzburger's lecture on centroidal Voronoi tessellations has the recipe.
+    """
+    from scipy.spatial import cKDTree
+
+    spacing, corners = (region.measure / n_generators) ** (1 / region.n_dims), region.corners
+    boundary = region.boundary_points(spacing / 8)
+    check_needs("on_boundary='auto'", True, f"a region with a boundary, not {region!r}", len(boundary) > 0)
+
+    def project(there: Points, before: Points) -> Points:
+        tree, moved = cKDTree(before), region.project(there)
+        meets = np.unique(tree.query(boundary)[1])
+        moved[meets] = region.to_boundary(moved[meets])
+        if len(corners):
+            gaps, owner = tree.query(corners)
+            # The nearest corner last, so that it wins where a cell holds several.
+            for corner in np.argsort(-gaps, kind="stable"):
+                moved[owner[corner]] = corners[corner]
+        return moved
+
+    return project
+
+
+def _on_boundary(on_boundary: ArrayLike, region: Region) -> Points:
+    """Return points given as (B, D), which must lie on the boundary."""
+    points = check_places("on_boundary", on_boundary, region.n_dims)
+    off = np.linalg.norm(region.to_boundary(points) - points, axis=1)
+    size = float(np.linalg.norm(region.bounds[1] - region.bounds[0]))
+    worst = points[off.argmax()].tolist()
+    check_in_range("on_boundary", worst, off.max() <= GIVEN * size, f"on the boundary, which is {off.max():g} away")
+    return points
+
+
 def _still(region: Region, n_generators: int, fixed: ArrayLike | None, on_boundary: Any) -> Points:
     """Return the generators that stay: those fixed, then those on the boundary."""
     parts = [np.empty((0, region.n_dims))]
     if fixed is not None:
         parts.append(check_places("fixed", fixed, region.n_dims))
     if on_boundary is not None:
-        parts.append(checked_boundary(on_boundary, region))
+        parts.append(_on_boundary(on_boundary, region))
     still = np.concatenate(parts)
     name = "fixed" if on_boundary is None else "fixed and on_boundary"
     check_that(name, len(still) < n_generators, f"have fewer than n_generators={n_generators}, not {len(still)}")
@@ -171,27 +203,23 @@ def _still(region: Region, n_generators: int, fixed: ArrayLike | None, on_bounda
 
 def _on_pixels(region: PictureRegion, density: Density) -> Floats32:
     """Density of each pixel of a mask."""
-    height, width = region.mask.shape
+    shape = region.mask.shape
     if isinstance(density, PictureDensity):
-        values, shape = density.picture, region.mask.shape
+        values: Array = density.picture
         check_shape("density", values.shape, values.shape == shape, f"{shape}, as the region")
     else:
-        y, x = np.mgrid[:height, :width] + 0.5
-        exact = density(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(height, width)
-        largest = float(exact[region.mask].max())
-        check_that("density", largest > 0, _NOT_0)
-        check_in_range("the largest density", largest, _FAINTEST <= largest <= _GREATEST, _FOR_PIXELS)
-        values = exact.astype(np.float32)
-    inside = np.where(region.mask, values, np.float32(0))
+        y, x = np.indices(shape) + 0.5
+        values = density(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(shape)
+    inside = np.where(region.mask, values, values.dtype.type(0))
     check_that("density", inside.any(), _NOT_0)
-    return inside
+    return check_picture_density("density", inside)
 
 
 def _samples(
     region: Region, density: Density, n_generators: int, effort: PlacementEffort, rng: np.random.Generator
 ) -> WeightedSamples:
-    least = EFFORTS["fast"].most_samples // 8
-    n = max(int(np.clip(effort.samples * n_generators, least, effort.most_samples)), 4 * n_generators)
+    n = int(np.clip(effort.samples * n_generators, ENOUGH_SAMPLES // 8, effort.most_samples * ENOUGH_SAMPLES))
+    n = max(n, 4 * n_generators)
     samples = region.sample(n, density=density, rng=rng)
     check_that("density", samples.density.any(), _NOT_0)
     return samples

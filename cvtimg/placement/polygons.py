@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import GIVEN
 from cvtimg._shared.checks import check_finite, check_in_range, check_numbers, check_shape, check_that, refuse_type
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.types import Array, Bools, Floats, Indices, Points
@@ -20,9 +21,6 @@ from cvtimg.placement.regions import Geometry, Region
 _SMOOTH = 30.0
 #: Corners that are nearer to each other than this part of the extent are one, which rounding has doubled.
 _ONE = 1e-13
-#: Lines that cross, or double back, and enclose no more than this part of the area by it are taken apart: digitizing
-#: and rounding make them. Others may mean anything, and are refused.
-_SLIVERS = 1e-6
 #: How far a point may be from the center of its pixel along an axis: at one half it would be in the next.
 _TO_SIDE = 0.5 - 1e-7
 
@@ -55,7 +53,8 @@ class PolygonRegion(Region):
         check_that(f"a {geometry.geom_type} of area {geometry.area:g}", has_area, "be a polygon with area > 0")
         if not shapely.is_valid(geometry):
             mended = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
-            is_near = abs(mended.area - geometry.area) <= _SLIVERS * geometry.area
+            # Lines that double back and enclose next to nothing come from digitizing; others may mean anything.
+            is_near = abs(mended.area - geometry.area) <= GIVEN * geometry.area
             what = f"not cross themselves or each other, and have holes inside: {shapely.is_valid_reason(geometry)}"
             check_that("polygons", is_near, what)
             geometry = mended

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MOST_POINTS
 from cvtimg._shared.checks import check_count, check_in_range, check_places, check_shape, check_that, refuse
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.types import Array, Bools, Points
@@ -18,9 +19,6 @@ from cvtimg.placement.densities import DensityLike, as_density
 
 #: shapely has no types that a checker could use.
 Geometry: TypeAlias = Any
-
-#: More points than this need more memory than a machine has.
-MOST_POINTS = 1 << 28
 
 
 class Region(ABC):

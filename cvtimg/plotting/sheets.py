@@ -10,8 +10,7 @@ from PIL import Image
 
 from cvtimg._shared.checks import check_count, check_labeled_image, check_labels
 from cvtimg._shared.types import Bytes, ImageLike
-from cvtimg.labels.contours import Contours
-from cvtimg.labels.edges import find_edges
+from cvtimg.labels.contours import Contours, find_edges
 from cvtimg.labels.figures import region_means
 from cvtimg.labels.formats import Drawing
 from cvtimg.pictures.showing import limits_to_show, shown

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import cvtimg.quantization._dithering as _dithering
 from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import DitherName
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Array, Bools, Bytes, Floats32, Ints
 from cvtimg.engine.points import Frame, scale_for_float32
 from cvtimg.looks.rate import COMPARISONS, usual_step
-from cvtimg.quantization import _dithering
 
 #: Number of coordinates of a place in the kernels.
 MAX_DIMS = _dithering.DIMS

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from scipy.fft import dct
 
+import cvtimg.restoration._patches as _patches
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, in_stripes, side_by_side
 from cvtimg._shared.types import Array, Floats, Floats32, Ints, Ints64
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
-from cvtimg.restoration import _patches
 from cvtimg.restoration.noise import SharedNoise
 
 #: Patches are 5 x 5 pixels.

@@ -29,13 +29,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import cvtimg.segmentation._segments as _segments
 from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import copy_rows
 from cvtimg._shared.threads import in_stripes, of_each, side_by_side
 from cvtimg._shared.types import Bools, Floats, Floats32, Indices, Ints
 from cvtimg.labels.components import grid_of_cells
-from cvtimg.segmentation import _segments
 from cvtimg.segmentation.region_moves import parts_of, rearranged
 from cvtimg.segmentation.values import from_nearest
 

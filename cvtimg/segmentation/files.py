@@ -14,9 +14,8 @@ import numpy as np
 
 from cvtimg._shared.choices import Row
 from cvtimg._shared.types import Array, Bools, Ints
-from cvtimg.labels.components import connected_pieces
+from cvtimg.labels.components import connected_pieces, track_labels
 from cvtimg.labels.figures import region_table
-from cvtimg.labels.tracking import track_labels
 from cvtimg.pictures.files import ImageInfo, image_info, read_metadata
 from cvtimg.pictures.formats.geotiff import is_in_meters
 from cvtimg.pictures.formats.opening import Source

@@ -16,8 +16,8 @@ from itertools import permutations
 
 import numpy as np
 
+import cvtimg.segmentation._segments as _segments
 from cvtimg._shared.types import Floats, Floats32, Ints, Ints64
-from cvtimg.segmentation import _segments
 
 #: Cycles over all segments end when one lowers the energy by less than this share of it, or after the most.
 _WORTHWHILE, _MAX_CYCLES = 1e-5, 10

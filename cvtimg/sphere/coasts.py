@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import ROUNDING
 from cvtimg._shared.checks import check_at_least, check_choice, check_picture_density
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
@@ -193,7 +194,7 @@ class Coast:
         if not len(starts):
             return cls(height, starts, ends, np.empty(0, np.intp), None)
         gaps, before = cKDTree(ends).query(starts)  # of closed lines the first arc follows the last one
-        return cls(height, starts, ends, np.where(gaps < 1e-12, before, np.arange(len(starts))), cKDTree(starts))
+        return cls(height, starts, ends, np.where(gaps < ROUNDING, before, np.arange(len(starts))), cKDTree(starts))
 
     def is_land(self, points: Points) -> Bools:
         """Tell which of (N, 3) points are on land."""

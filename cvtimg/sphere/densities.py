@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.checks import check_in_range, check_picture_density, check_positive, check_shape, check_that
 from cvtimg._shared.growth import limit_growth
 from cvtimg._shared.types import Array, Floats, Floats32, Points
@@ -22,8 +23,6 @@ _LEAST_IN_PICTURES = 1e-4
 GROWTH = 0.15
 #: Rounds to find how many points that takes.
 _ROUNDS = 6
-#: Where the largest density is looked for.
-_PROBES = 1 << 15
 
 
 #: A density on the unit sphere: from (N, 3) unit vectors to (N,) values.
@@ -202,7 +201,7 @@ class Scaled:
 
     def __init__(self, density: SphereDensity) -> None:
         self._density = density
-        values = density(fibonacci(_PROBES))
+        values = density(fibonacci(ENOUGH_SAMPLES // 4))
         highest = float(density.picture.max() if isinstance(density, GlobePicture) else values.max())
         check_that("density", highest > 0, "not be 0 everywhere")
         # Squares and products of masses would leave the range of doubles: such densities are divided by this.

@@ -8,11 +8,11 @@ from itertools import count
 
 import numpy as np
 
+import cvtimg.sphere._sphere as _sphere
 from cvtimg._shared.iteration import Watch
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.placement.descent import Projection, StepMemory
-from cvtimg.sphere import _sphere
 from cvtimg.sphere.triangulation import WORK, Cells, SphereTriangulation, SumCells, counted, unit
 
 #: No point moves farther than this part of the size of its cell.

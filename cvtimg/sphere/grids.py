@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cvtimg._shared.budgets import MOST_POINTS
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
@@ -18,8 +19,6 @@ from cvtimg.sphere.starts import Lattice, bisected, drawn, icosahedron, in_order
 from cvtimg.sphere.triangulation import Cells, SphereTriangulation, SumCells, WeightedCells, uniform_cells, unit
 from cvtimg.sphere.widths import CellWidth
 
-#: More points than this have more edges than 32 bits number.
-MOST_POINTS = 1 << 28
 #: Points of the coarsest level, at least: few where cells are alike, so that twelve are pentagons; and with a density.
 _COARSEST = (12, 600)
 #: Coarsest grids with cells alike, and the moves after which the lowest goes on.
@@ -32,25 +31,13 @@ _MOST_ZEROS = 0.01
 
 @dataclass(frozen=True, slots=True)
 class GridEffort:
-    """How long points move.
+    """How long points move; lengths are in sizes of cells."""
 
-    Attributes
-    ----------
-    moves : int
-        At most, at each level.
-    tolerance : float
-        Offset from centers of mass at which a level ends, by the sizes of cells.
-    noises : tuple of float
-        With a density: how far points are moved at random at each level, by the sizes of cells, to remove defects; one
-        grid for each, of which the best is kept.
-    polishing : int
-        Moves of polishing at most.
-    """
-
-    moves: int
-    tolerance: float
+    moves: int  # at most, at each level
+    tolerance: float  # offset from centers of mass at which a level ends
+    # With a density: how far points are moved at random at each level, to remove defects; the best grid is kept.
     noises: tuple[float, ...]
-    polishing: int
+    polishing: int  # moves of polishing at most
 
 
 #: The registry: names for `effort`.
@@ -151,10 +138,9 @@ class _Plan:
 
     def by_levels(self, sizes: list[int]) -> SphereGrid:
         """Begin with few points, and double the resolution at each level."""
-        if self.density is None:
-            return self._finished(self._climb(sizes, 0.0))
-        grids = [self._finished(self._climb(sizes, noise)) for noise in self.effort.noises]
-        return min(grids, key=lambda grid: (grid.measures().n_obtuse, grid.energy))
+        noises = (0.0,) if self.density is None else self.effort.noises
+        grids = [self._finished(self._climb(sizes, noise)) for noise in noises]
+        return grids[0] if len(grids) == 1 else min(grids, key=lambda grid: (grid.measures().n_obtuse, grid.energy))
 
     def _climb(self, sizes: list[int], noise: float) -> SphereTriangulation:
         mesh = self._coarsest(sizes[0])
@@ -193,9 +179,7 @@ class _Plan:
 
     def _sums(self, n: int) -> SumCells:
         """How cells are summed at a level of n points: without details that are finer than the cells."""
-        if self.density is None:
-            return uniform_cells
-        return WeightedCells(self.density.for_cells(n))
+        return uniform_cells if self.density is None else WeightedCells(self.density.for_cells(n))
 
     def _descend(self, mesh: SphereTriangulation, sums: SumCells) -> Cells:
         return descend(mesh, sums, self.effort.moves, self.effort.tolerance, watch=self.watch)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import count
 
 import numpy as np
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.types import Floats, Indices, Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import SphereDensity, fibonacci
-from cvtimg.sphere.triangulation import SphereTriangulation, unit
+from cvtimg.sphere.triangulation import LEAST_DISTANCE, SphereTriangulation, unit
 
-#: Places that draws choose from, for each point, and at least.
-_CANDIDATES, _FEWEST = 64, 1 << 17
-#: Points are the same if they are so near, and are moved so far towards the middle of a face to be in one triangle.
-_SAME, _INWARD = 1e-7, 1e-9
+#: Places that draws choose from, for each point: with more, draws follow the density more closely.
+_CANDIDATES = 64
 
 
 def icosahedron() -> SphereTriangulation:
@@ -72,7 +72,7 @@ def without(mesh: SphereTriangulation, n_surplus: int, rng: np.random.Generator)
 
 def drawn(density: SphereDensity, n: int, rng: np.random.Generator) -> Points:
     """Draw N points in strata along a curve, as many in each as the generators of a tessellation: density^(1/2)."""
-    places = fibonacci(max(_CANDIDATES * n, _FEWEST))
+    places = fibonacci(max(_CANDIDATES * n, ENOUGH_SAMPLES))
     places = places[along_curve(places)]
     weights = np.cumsum(np.sqrt(density(places)))
     wanted = (np.arange(n) + rng.random(n)) * (weights[-1] / n)
@@ -98,12 +98,7 @@ def twist(n: int) -> tuple[int, int] | None:
 
 def nearest_twelve(n: int) -> int:
     """Return the number of points nearest to n with which twelve cells are pentagons and all others hexagons."""
-    step = 0
-    while True:
-        for near in (n - step, n + step):
-            if twist(near):
-                return near
-        step += 1
+    return next(near for step in count() for near in (n - step, n + step) if twist(near))
 
 
 class Lattice:
@@ -125,7 +120,7 @@ class Lattice:
     def numbers(self) -> Indices:
         """The number of the point at each place of all faces (20, B)."""
         flat = self._on_faces(None, None)
-        _, numbers = np.unique(np.rint(flat / _SAME), axis=0, return_inverse=True)
+        _, numbers = np.unique(np.rint(flat / LEAST_DISTANCE), axis=0, return_inverse=True)
         return numbers.reshape(20, -1)
 
     def points(self, coarse: Lattice | None = None, moved: Points | None = None) -> Points:
@@ -146,7 +141,7 @@ class Lattice:
     def _around(self, shares: Floats) -> tuple[Indices, Floats]:
         """Return the places (B, 3) of this lattice, k = 0, at the corners around others, and their weights (B, 3)."""
         n_steps = int(self.t**0.5 + 0.5)
-        steps = (shares + _INWARD * (1 / 3 - shares)) * n_steps
+        steps = (shares + 1e-9 * (1 / 3 - shares)) * n_steps  # not on a side, so that each is in one triangle
         lower = np.floor(steps).astype(int)
         weights = steps - lower
         points_up = lower.sum(axis=1) == n_steps - 1

@@ -12,19 +12,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+import cvtimg.sphere._sphere as _sphere
+from cvtimg._shared.budgets import GIVEN
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.threads import in_parts, in_stripes
 from cvtimg._shared.types import Bools, Floats, Ints, Points, Triangles
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
-from cvtimg.sphere import _sphere
 from cvtimg.sphere.densities import SphereDensity
 
 #: Least distance of two points on the unit sphere: doubles cannot tell the convex hull of points that are much nearer.
 LEAST_DISTANCE = 1e-7
-#: How far from the unit sphere points may be given.
-_OFF_THE_SPHERE = 1e-6
 #: Flips at most for each triangle; sound input needs about one.
 _MOST_FLIPS = 100
 #: Steps of the kernels, for each triangle or cell, by which their work is divided among threads.
@@ -189,7 +188,7 @@ def check_sphere_points(name: str, points: ArrayLike, least: int = 1) -> Points:
     lengths = np.sqrt(np.einsum("ij,ij->i", places, places))
     off = np.abs(lengths - 1)
     worst = int(off.argmax())
-    if off[worst] > _OFF_THE_SPHERE:
+    if off[worst] > GIVEN:
         refuse(f"|{name}[{worst}]|", float(lengths[worst]), "1: points are on the unit sphere")
     # Points that are unit vectors to rounding keep their bits.
     rounded = off <= 4 * np.finfo(float).eps

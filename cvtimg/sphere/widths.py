@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_in_range, check_positive, check_returned, check_shape, check_that, refuse
+from cvtimg._shared.checks import check_in_range, check_positive, check_shape, check_that, check_values
 from cvtimg._shared.types import Floats, Points
 from cvtimg.sphere.densities import (
     GROWTH,
@@ -179,7 +180,7 @@ def width_map(lon: ArrayLike, lat: ArrayLike, widths: ArrayLike) -> Floats:
 def _outside(width: WidthLike) -> Callable[[Points], Floats]:
     """Return a checked function from points to widths."""
     if callable(width):
-        return lambda points: _checked_widths(width(*np.degrees(to_radians(points))), points)
+        return partial(_widths_by, width)
     if np.ndim(width) == 0:
         everywhere = check_positive("width", float(np.asarray(width)), "in km")
         return lambda points: np.full(len(points), everywhere)
@@ -191,11 +192,7 @@ def _outside(width: WidthLike) -> Callable[[Points], Floats]:
     return lambda points: picture(points).astype(np.float64)
 
 
-def _checked_widths(values: object, points: Points) -> Floats:
-    widths = np.asarray(values, np.float64)
-    check_returned("width", widths, len(points))
-    wrong = ~((widths > 0) & (widths < np.inf))
-    if wrong.any():
-        lon, lat = (float(np.degrees(angles)[wrong][0]) for angles in to_radians(points))
-        refuse(f"width at longitude {lon:g} and latitude {lat:g}", float(widths[wrong][0]), "finite and > 0 km")
-    return widths
+def _widths_by(width: Callable[[Any, Any], Any], points: Points) -> Floats:
+    places = np.degrees(np.stack(to_radians(points), axis=1))
+    is_width = "finite and > 0 km"
+    return check_values("width", width(*places.T), places, lambda widths: (widths > 0) & (widths < np.inf), is_width)

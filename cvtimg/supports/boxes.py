@@ -11,15 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES, ROUNDING
 from cvtimg._shared.types import Array, Bools, Floats, Indices
 from cvtimg.placement import Region
 
-#: Boxes at first, for each point; and all that are made.
-_BOXES_PER_POINT, _MOST_BOXES = 16, 1 << 19
+#: Boxes at first, for each point: with more, radii come as near to the least with fewer halvings, of more boxes.
+_BOXES_PER_POINT = 16
 #: The neighbor by whose distance boxes are small.
 _AROUND = 3
-#: By this share, more than rounding, balls are apart that shall not meet.
-_APART = 1e-12
 
 
 class Tightening(NamedTuple):
@@ -63,12 +62,12 @@ def radii_by_boxes(points: Floats, region: Region, order: int, tightened: bool) 
     """Find radii of balls around (n, d) points that cover a region `order` times."""
     tightened = tightened and order > 1
     n_near = min(len(points), order + (_HOW.few if tightened else _HOW.fewest))
-    n_first = min(_BOXES_PER_POINT * len(points), _MOST_BOXES // 4)
+    n_first = min(_BOXES_PER_POINT * len(points), ENOUGH_SAMPLES)
     n_side = max(2, round(float(n_first ** (1 / points.shape[1]))))
     sides = (1 / n_side) * np.ptp(region.bounds, axis=0)
     axes = [low + (np.arange(n_side) + 0.5) * (1 / n_side) * (high - low) for low, high in region.bounds.T]
     middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(sides))
-    done, left = _looked_up(middles, sides, points, region, n_near), None
+    done = _looked_up(middles, sides, points, region, n_near)
     radii, finished = np.zeros(len(points)), list[Boxes]()
     finest, around = _HOW.boxes ** (-1 / len(sides)), min(_AROUND, len(points) - 1)
     for _ in range(_HOW.halvings):
@@ -78,14 +77,13 @@ def radii_by_boxes(points: Floats, region: Region, order: int, tightened: bool) 
         finished.append(done.only(held))
         left = done.only(~held)
         n_made = len(left.middles) * 2 ** points.shape[1]
-        if not len(left.middles) or n_made + sum(len(each.middles) for each in finished) > _MOST_BOXES:
+        if not len(left.middles) or n_made + sum(len(each.middles) for each in finished) > 4 * ENOUGH_SAMPLES:
             break
         sides = sides / 2
         done = _looked_up(_halved(left.middles, sides), sides, points, region, n_near)
-        left = None
-    radii = (1 + _HOW.margin) * radii
-    if left is None:
+    else:
         left = done
+    radii = (1 + _HOW.margin) * radii
     boxes = Boxes(*(np.concatenate(parts) for parts in zip(*finished, left, strict=True)))
     _reach(radii, left.only(_depths(left, radii) < order), order, beyond=True)
     return _tightened(points, radii, boxes, order) if tightened else radii
@@ -219,4 +217,4 @@ class _Cover:
 
     def _room(self, ball: int) -> Floats:
         """Return the radii up to which a ball does not meet others."""
-        return (1 - _APART) * (self._gaps[ball] - self.radii[self._others[ball]])
+        return (1 - ROUNDING) * (self._gaps[ball] - self.radii[self._others[ball]])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import GIVEN, ROUNDING
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_places, check_shape
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import Claims, ReadOnly
@@ -16,9 +17,6 @@ from cvtimg._shared.types import Floats, Indices
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import lies_in, radii_by_boxes
-
-#: Points may lie outside of the region by this share of its size: those on its boundary are rounded.
-_OUTSIDE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -81,7 +79,7 @@ class Supports(ReadOnly):
         from scipy.sparse import csr_array
 
         where = check_places("places", places, self.points.shape[1])
-        balls, rows = _held(where, self.points, self.radii * (1 - 1e-12))
+        balls, rows = _held(where, self.points, self.radii * (1 - ROUNDING))
         shares = np.linalg.norm(where[rows] - self.points[balls], axis=1) / self.radii[balls]
         return csr_array((shares, (rows, balls)), shape=(len(where), len(self.points)))
 
@@ -147,7 +145,7 @@ def _check_points(points: Floats, region: Region) -> None:
     periodic = isinstance(region, Box) and any(region.periodic)
     check_in_range("region", region, not periodic, "not periodic")
     size = float(np.linalg.norm(np.ptp(region.bounds, axis=0)))
-    outside = np.flatnonzero(~lies_in(region, points, _OUTSIDE * size))
+    outside = np.flatnonzero(~lies_in(region, points, GIVEN * size))
     if len(outside):
         number = outside[0]
         raise ValueError(f"points must lie in the region: number {number}, {points[number].tolist()}, does not")

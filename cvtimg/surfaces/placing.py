@@ -12,13 +12,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+import cvtimg.surfaces._surfaces as _surfaces
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, refuse_type
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.types import Floats, Indices, Points, Triangles
 from cvtimg.meshes.planning import MOST_VERTICES
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
-from cvtimg.surfaces import _surfaces
 from cvtimg.surfaces.features import extra_points, find_features, place_on_curves
 from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints

@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
+import cvtimg.surfaces._surfaces as _surfaces
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
 from cvtimg.halfedges import MOST_FLIPS, HalfEdges, connected_parts, edge_keys, edges_around, find_twins
-from cvtimg.surfaces import _surfaces
 
 #: Rounds of splitting at most; each halves the longest edges.
 _ROUNDS = 24

@@ -14,8 +14,7 @@ from PIL import Image
 from reference import shoelace
 
 from cvtimg import read_image, stipple
-from cvtimg.artwork.papers import PAPERS
-from cvtimg.artwork.stipples import MARKS
+from cvtimg.artwork.stipples import MARKS, PAPERS
 
 RAMP = np.tile(np.linspace(0, 255, 80).astype(np.uint8), (40, 1))
 STIPPLES = stipple(RAMP, 150, dots="sized")

@@ -25,7 +25,7 @@ from cvtimg._shared.types import Array
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
-from cvtimg.labels.edges import EDGE_MODES
+from cvtimg.labels.contours import EDGE_MODES
 from cvtimg.options import PANELS, options_of
 from cvtimg.options.record import Choice
 from cvtimg.pictures import files as io

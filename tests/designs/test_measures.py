@@ -14,7 +14,7 @@ from cvtimg import latinize, point_measures
 from cvtimg._shared.types import Array, Floats
 from cvtimg.designs import _designs, design, star_discrepancy
 from cvtimg.designs.cells import Cube, exact_cells, sobol_samples
-from cvtimg.designs.swaps import CRITERIA, even_out
+from cvtimg.designs.latin import CRITERIA, even_out
 
 RNG = np.random.default_rng(4)
 

@@ -18,8 +18,7 @@ from skimage import measure
 from cvtimg import find_contours, find_edges
 from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.labels import Contours
-from cvtimg.labels.contours import CLEARANCE
-from cvtimg.labels.edges import EDGE_MODES
+from cvtimg.labels.contours import CLEARANCE, EDGE_MODES
 
 LABELS = arrays(np.int32, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.integers(0, 3))
 RNG = np.random.default_rng(5)

@@ -22,7 +22,7 @@ from cvtimg.placement import (
     measure_cells,
     voronoi_cells,
 )
-from cvtimg.placement.samples import norms
+from cvtimg.placement.moments import norms
 
 SQUARE = Box([0, 0], [1, 1])
 CUBE = Box([0, 0, 0], [1, 1, 1])

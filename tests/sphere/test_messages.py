@@ -62,7 +62,7 @@ def place(kind: Any, **wrong: float) -> Callable[[], Any]:
         ),
         (place(Refinement, ratio=0.5), "ratio"),
         (lambda: CellWidth(0), "width=0.0 must be a finite number > 0, in km"),
-        (lambda: CellWidth(lambda lon, lat: lon), "width at longitude .* must be finite and > 0 km"),
+        (lambda: CellWidth(lambda lon, lat: lon), r"width at \[.*\]=.* must be finite and > 0 km"),
         (lambda: CellWidth(lambda lon, lat: lon[1:]), "width returned shape"),
         (lambda: CellWidth(np.zeros((2, 4))), "width must be finite and > 0 km everywhere"),
         (lambda: CellWidth(30, [WidthCircle(0, 95, 1, 1)]), "lat=95 must be in -90..90"),

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+import cvtimg.engine._kernels as _kernels
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Floats, Ints
-from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill

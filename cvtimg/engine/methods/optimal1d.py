@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+import cvtimg.engine._kernels as _kernels
 from cvtimg._shared.types import Floats, Ints
-from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, cell_energies
 from cvtimg.engine.seeding import TooFewSamplesError

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import cvtimg.engine._kernels as _kernels
 from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.types import Floats, Ints, Ints64
-from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill

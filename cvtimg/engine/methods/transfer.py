@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+import cvtimg.engine._kernels as _kernels
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Floats, Ints
-from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.methods.lloyd import descend_sets
 from cvtimg.engine.points import Points, assign, cell_energies, cell_moments

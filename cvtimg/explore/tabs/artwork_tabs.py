@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from cvtimg._shared.choices import Json, Options
 from cvtimg.artwork import Mosaic, Stipples
-from cvtimg.artwork.papers import Sheet
+from cvtimg.artwork.stipples import Sheet
 from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import Choice, Control, Settings, Switch, active, controls_of, number
 from cvtimg.explore.layers import Drawing, Layer

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import cvtimg.labels._labels as _labels
 from cvtimg._shared.progress import part
 from cvtimg._shared.types import Floats, Ints
-from cvtimg.labels import _labels
 from cvtimg.labels.components import Borders, absorb_small, find_borders, grid_of_cells
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend, moments_of

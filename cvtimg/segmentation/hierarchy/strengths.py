@@ -19,11 +19,11 @@ from functools import cache
 
 import numpy as np
 
+import cvtimg.segmentation._segments as _segments
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts, one_blas_thread
 from cvtimg._shared.types import Floats, Floats32, Ints, Ints64
 from cvtimg.labels.components import Borders
-from cvtimg.segmentation import _segments
 from cvtimg.segmentation._segments import HIDDEN, N_LEVELS, REACH
 from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.settings import SETTINGS

@@ -9,7 +9,6 @@ from typing import BinaryIO
 import numpy as np
 
 from cvtimg._shared.checks import refuse
-from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath, csv_text, whole_file
 from cvtimg.sphere.formats.geometry import CulledContent, GridContent, latitudes_longitudes
 from cvtimg.sphere.formats.netcdf import write_mpas, write_scrip, write_ugrid
@@ -21,9 +20,9 @@ __all__ = ["GRID_FORMATS", "CulledContent", "GridContent", "grid_format", "write
 def write_table(file: BinaryIO, grid: GridContent) -> None:
     """Write a row for each generator: longitude in -180..180 and latitude, place, area, neighbors and density."""
     areas = grid.geometry.cell_areas * grid.radius**2
-    longitudes, latitudes = _degrees(grid.points)
+    latitudes, longitudes = (np.degrees(angles) for angles in latitudes_longitudes(grid.points))
     columns = {
-        "lon": longitudes,
+        "lon": (longitudes + 180) % 360 - 180,
         "lat": latitudes,
         **dict(zip("xyz", grid.points.T * grid.radius, strict=True)),
         "area": areas,
@@ -42,12 +41,6 @@ def write_graph(file: BinaryIO, grid: GridContent) -> None:
     for row in (around.cells_on_cell + 1).tolist():
         lines.append(" ".join(str(cell) for cell in row if cell))
     file.write(("\n".join(lines) + "\n").encode())
-
-
-def _degrees(points: Floats) -> tuple[Floats, Floats]:
-    """Return longitudes in -180..180 and latitudes."""
-    latitudes, longitudes = (np.degrees(angles) for angles in latitudes_longitudes(points))
-    return (longitudes + 180) % 360 - 180, latitudes
 
 
 #: The registry of formats: end of the file's name to the function that writes it; longer ends come first.
