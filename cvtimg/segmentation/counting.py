@@ -23,10 +23,10 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_choice, check_non_negative, check_partial_image, check_shape, check_that
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Ints, Ints64
-from cvtimg.segmentation.field_of_view import CONVEX, SEVERAL, evenly_lit, surroundings, within_margins
+from cvtimg.segmentation.field_of_view import CONVEX, SEVERAL, evenly_lit, surroundings, within_margins, without_light
 from cvtimg.segmentation.local_means import PRIOR, local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
-from cvtimg.segmentation.noise import noise_covariance
+from cvtimg.segmentation.noise import noise_covariance, without_impulses
 from cvtimg.segmentation.result import Counting, Segmentation, measured
 from cvtimg.segmentation.touching import BACKGROUNDS, largest_by_label, numbers_of, split_at_saddles, with_own_borders
 
@@ -50,7 +50,6 @@ class Settings:
     significant: float = 4.0  # times the noise that the blur leaves, by which objects differ from the background
     above_noise: float = 5.0  # the same for pixels of a dim object
     dimmest: float = 0.15  # contrast of the dimmest objects
-    speck: int = 5  # pixels, at most, that a single one becomes by the least blur; more takes small dots for noise
     n_peels: int = 3  # how often brighter objects are taken away, and what is above the noise of the ground
     thin: float = 1 / 3  # what brighter objects leave counts where it is thicker
     full: float = 0.7  # of their parts, what three of four discs of a clump fill; parts of objects with pores, 0.63
@@ -160,6 +159,9 @@ def count_objects(
     bands, inside, size = checked_bands(image, spacing, mask)
     gray = bands.mean(axis=-1, dtype=np.float32)
     inside = within_margins(gray, inside)
+    for plane in gray.reshape(-1, *gray.shape[-2:]):
+        plane[:] = without_impulses(plane)
+    gray = without_light(gray, inside)
     for left_to_try in range(SETTINGS.max_fields, -1, -1):
         if not inside.all():
             gray[~inside] = np.median(gray[inside])
@@ -174,8 +176,7 @@ def count_objects(
     del gray
     radius = _radius((contrast > 0.5) & inside, size) if diameter is None else diameter / 2
     white = noise / abs(step) if step else 0.0
-    is_noise = SETTINGS.significant * white >= 1 or _are_impulses(contrast, inside)
-    if not radius or is_noise or not _are_two(contrast, inside):
+    if not radius or SETTINGS.significant * white >= 1 or not _are_two(contrast, inside):
         labels, radius, least = np.zeros(inside.shape, np.int32), 0.0, 0.0
     else:
         noise = max(white, _noise_of_ground(contrast, inside, radius) if contrast.ndim == 2 else 0.0)
@@ -370,17 +371,6 @@ def _are_two(contrast: Floats32, inside: Bools) -> bool:
     levels = np.append(np.arange(float(np.quantile(ground, 0.01)), 0.01, width), 0.0)
     most = max(np.count_nonzero(np.abs(values - level) < width) for level in levels)
     return bool(np.count_nonzero(np.abs(values - 0.5) < width) < most)
-
-
-def _are_impulses(contrast: Floats32, inside: Bools) -> bool:
-    """Tell whether what stands out is as small as pixels, and as many pieces are below the ground as above it."""
-    from scipy.ndimage import label
-
-    pieces, above = label((contrast > 0.5) & inside)
-    if not above or np.median(np.bincount(pieces.ravel())[1:]) > SETTINGS.speck:
-        return False
-    below = label((contrast < -SETTINGS.dimmest) & inside)[1]
-    return bool(abs(above - below) <= min(below, 3 * np.sqrt(above + below)))  # three standard deviations of chance
 
 
 def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats32, float]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from cvtimg._shared.threads import one_blas_thread
 from cvtimg._shared.types import Bools, Floats32
+from cvtimg.segmentation.touching import FOR_CONTRAST
 
 #: Share of the pixels next to a margin that have its value, above which it is no margin but the ground.
 _GROUND = 0.1
@@ -20,7 +22,7 @@ _LEAST_FIELD, _LEAST_AROUND, _LEAST_RIM = 0.1, 0.005, 0.25
 #: Pixels of the least thing that counts as an object in a field.
 _SPECK = 9
 #: Degree of the polynomial of light, rounds of its fit, and pixels that are enough for it.
-_DEGREE, _ROUNDS, _ENOUGH_PIXELS = 4, 20, 1 << 16
+_DEGREE, _ROUNDS, _ENOUGH_PIXELS = 4, 20, 1 << 12
 
 
 def within_margins(gray: Floats32, inside: Bools) -> Bools:
@@ -133,8 +135,7 @@ def _is_view(field: Bools, others: Bools | None, inside: Bools, near: int) -> bo
 def evenly_lit(gray: Floats32, inside: Bools, outside: Bools) -> Floats32:
     """Divide a field of view that is brighter than what is around it by its light, which is brightest in the middle.
 
-    The light is a polynomial in the logarithm of values, at the least mean distance, which objects hardly move. What is
-    around the field has more than one value behind a lens, but not where an image was cut out or turned.
+    What is around the field has more than one value behind a lens, but not where an image was cut out or turned.
     """
     if (
         np.quantile(gray[inside], 0.05) <= np.median(gray[outside])
@@ -143,15 +144,46 @@ def evenly_lit(gray: Floats32, inside: Bools, outside: Bools) -> Floats32:
         return gray
     least = float(gray[inside].min())
     logs = np.log(np.maximum(gray if least > 0 else gray + np.float32(1 - least), np.finfo(np.float32).tiny))
-    every = max(int(np.sqrt(gray.size / _ENOUGH_PIXELS)), 1)
-    y, x = np.nonzero(inside[::every, ::every])
-    down, right = (np.linspace(-1, 1, length) for length in gray.shape)
-    powers = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
-    terms = np.stack([down[y * every] ** i * right[x * every] ** j for i, j in powers], axis=1)
-    some, weights = logs[y * every, x * every].astype(np.float64), np.ones(len(y))
+    return np.where(inside, np.exp(logs - _light(logs, inside)), gray).astype(np.float32)
+
+
+def without_light(gray: Floats32, inside: Bools) -> Floats32:
+    """Take uneven light from an image if two levels then leave less than half of what they leave of the image as it is.
+
+    It may be stronger than the contrast of objects, and two levels of the image are then its bright and its dark side.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    if gray.ndim != 2 or np.ptp(gray[inside]) == 0:
+        return gray
+    smooth = gaussian_filter(np.where(inside, gray, np.median(gray[inside])), FOR_CONTRAST)
+    light = _light(smooth, inside)
+    uneven, even = (_left_by_two(values[inside]) for values in (smooth, smooth - light))
+    return gray - light if 2 * even < uneven else gray
+
+
+def _left_by_two(values: Floats32) -> float:
+    """Return the mean squared distance of values to the nearer of two levels."""
+    from skimage.filters import threshold_otsu
+
+    bright = values > threshold_otsu(values)  # type: ignore[no-untyped-call]
+    return float(np.square(values - np.where(bright, values[bright].mean(), values[~bright].mean())).mean())
+
+
+@one_blas_thread  # for the bits must not depend on how many there are
+def _light(values: Floats32, inside: Bools) -> Floats32:
+    """(H, W) deviations from the median of the polynomial at the least mean distance, which objects hardly move."""
+    from numpy.polynomial.polynomial import polygrid2d, polyvander2d
+
+    every = max(int(np.sqrt(values.size / _ENOUGH_PIXELS)), 1)
+    y, x = (every * places for places in np.nonzero(inside[::every, ::every]))
+    down, right = (np.linspace(-1, 1, length) for length in values.shape)
+    is_term = np.add.outer(range(_DEGREE + 1), range(_DEGREE + 1)) <= _DEGREE
+    terms = polyvander2d(down[y], right[x], [_DEGREE, _DEGREE])[:, is_term.ravel()]
+    some, weights, factors = values[y, x].astype(np.float64), np.ones(len(y)), np.zeros(is_term.shape)
     for _ in range(_ROUNDS):
-        factors = np.linalg.lstsq(terms * weights[:, None], some * weights)[0]
-        misses = np.abs(some - terms @ factors)
-        weights = np.maximum(misses, 0.1 * np.median(misses) + 1e-6) ** -0.5
-    light = sum(factor * down[:, None] ** i * right**j for factor, (i, j) in zip(factors, powers, strict=True))
-    return np.where(inside, np.exp(logs - light + np.median(some)), gray).astype(np.float32)
+        weighted = (terms * weights[:, None]).T
+        factors[is_term] = np.linalg.lstsq(weighted @ terms, weighted @ some)[0]
+        misses = np.abs(some - terms @ factors[is_term])
+        weights = 1 / np.maximum(misses, 0.1 * np.median(misses) + 1e-6)
+    return np.asarray(polygrid2d(down, right, factors) - np.median(some), np.float32)

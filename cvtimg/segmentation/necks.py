@@ -98,31 +98,36 @@ def _cuts(parts: Ints, distance: Floats32) -> tuple[Ints, Floats, Floats, Floats
     is_end = ((near[:, :, None] != pairs[cut][:, None, :]).all(axis=2)).any(axis=1) & ~at_rim
     saddles = np.zeros(n_cuts)
     np.maximum.at(saddles, cut, distance[y, x])
-    depths = np.full(n_cuts, np.inf)
-    starts = np.searchsorted(cut, np.arange(n_cuts + 1))
-    for index, (first, last) in enumerate(pairwise(starts)):
-        places, ends = rows[first:last, 1:], rows[first:last, 1:][is_end[first:last]]
-        if len(ends):
-            depths[index] = _depth(parts, pairs[index], places, ends, float(radii[index]))
-    return pairs, depths, smaller - saddles, radii
+    # Parts near a cut, and the place of it that is farthest from its middle.
+    centers, ways, hulls = np.zeros((n_cuts, 2)), np.zeros((n_cuts, 2)), []
+    for index, (first, last) in enumerate(pairwise(np.searchsorted(cut, np.arange(n_cuts + 1)))):
+        centers[index] = rows[first:last, 1:].mean(axis=0)
+        away = rows[first:last, 1:] - centers[index]
+        far = np.hypot(*away.T)
+        ways[index] = away[far.argmax()]
+        reach = max(_REACH * radii[index], far.max() + radii[index])
+        hulls.append(_outline(parts, pairs[index], centers[index], reach))
+    # How far the ends on either side lie within the convex hull of both parts: N. Kumar et al., Pattern Recognition 39
+    # (2006), doi 10.1016/j.patcog.2005.11.014: concavity points.
+    deepest = np.full((n_cuts, 2), -np.inf)
+    if is_end.any():
+        of_end, places = cut[is_end], rows[is_end, 1:]
+        coordinates, of_place = np.concatenate(hulls), np.repeat(np.arange(n_cuts), [*map(len, hulls)])
+        shapes = shapely.convex_hull(shapely.linestrings(coordinates, indices=of_place))
+        rims = np.where(shapely.area(shapes) > 0, shapely.boundary(shapes), shapes)
+        ahead = np.einsum("nd,nd->n", places - centers[of_end], ways[of_end]) > 0
+        depths = shapely.distance(rims[of_end], shapely.points(places))
+        np.maximum.at(deepest, (of_end, ahead.astype(np.intp)), depths)
+    return pairs, np.where(deepest < 0, np.inf, deepest).min(axis=1), smaller - saddles, radii
 
 
-def _depth(parts: Ints, pair: Ints, places: Ints64, ends: Ints64, radius: float) -> float:
-    """Return how far the less deep end of a cut lies within the convex hull of both parts near it, in pixels.
-
-    N. Kumar et al., Pattern Recognition 39 (2006), doi 10.1016/j.patcog.2005.11.014: concavity points.
-    """
-    center = places.mean(axis=0)
-    away = places - center
-    half = float(np.sqrt(np.square(away).sum(axis=1).max()))
-    reach = max(_REACH * radius, half + radius)
+def _outline(parts: Ints, pair: Ints, center: Floats, reach: float) -> Ints64:
+    """Return the first and last pixels of both parts in each row near a place: they have the convex hull of all."""
     low = np.maximum(np.floor(center - reach).astype(int), 0)
     high = np.minimum(np.ceil(center + reach).astype(int) + 1, parts.shape)
     window = parts[low[0] : high[0], low[1] : high[1]]
     down, right = (np.arange(first, last) - middle for first, last, middle in zip(low, high, center, strict=True))
     both = ((window == pair[0]) | (window == pair[1])) & (np.hypot(down[:, None], right) <= reach)
-    hull = shapely.MultiPoint(np.argwhere(both) + low).convex_hull
-    depths = shapely.distance(hull.boundary if hull.area else hull, shapely.points(ends))
-    along = away[np.square(away).sum(axis=1).argmax()]
-    ahead = (ends - center) @ along > 0
-    return float(min(depths[side].max() for side in (ahead, ~ahead) if side.any()))
+    rows = np.flatnonzero(both.any(axis=1))
+    ends = both[rows].argmax(axis=1), both.shape[1] - 1 - both[rows, ::-1].argmax(axis=1)
+    return np.concatenate([np.stack([rows, columns], axis=1) for columns in ends]) + low

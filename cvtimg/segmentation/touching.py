@@ -12,6 +12,7 @@ the generators of a tessellation, and the object is its cell.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ BACKGROUNDS = ("largest", "darkest", "brightest")
 #: Blur of the distance, in pixels, that keeps ragged borders from making maxima of their own.
 _BLUR = 1.0
 #: Deviation, in pixels, of averages in which contrast is measured.
-_FOR_SPLIT = 2.0
+FOR_CONTRAST = 2.0
 #: Rounds of means and borders; most objects settle in five.
 _MAX_ROUNDS = 20
 
@@ -66,7 +67,7 @@ class Objects:
         if not inside.any() or not (labels == background).any():
             return split_touching(inside, self.neck_depth)
         ground = values[labels == background].mean(axis=0, dtype=np.float64).astype(np.float32)
-        contrast = np.sqrt(_apart(averaged(values, _FOR_SPLIT, labels > 0), ground))
+        contrast = np.sqrt(_apart(averaged(values, FOR_CONTRAST, labels > 0), ground))
         return split_touching(inside, self.neck_depth, contrast)
 
 
@@ -89,19 +90,33 @@ def split_touching(inside: Bools, neck_depth: float = 0.5, contrast: NDArray[np.
 def split_at_saddles(height: NDArray[np.floating], inside: Bools, depth: float) -> Ints:
     """Label the parts of pixels, of two or three axes, that rise by more than the depth above their saddles."""
     from skimage.measure import label
-    from skimage.morphology import local_maxima, reconstruction
+    from skimage.morphology import local_maxima
     from skimage.segmentation import watershed
 
     n_axes = inside.ndim
-    # A peak that is lowered by the depth still shows in the flood if its saddles are lower than that. What is outside
-    # lies lower than all, and so does a rim: in an image of one height, all of it is the peak.
-    low = height.min() - depth - 1
-    shown = np.pad(np.where(inside, height, low), 1, constant_values=low)
-    peaks = local_maxima(reconstruction(shown - depth, shown), connectivity=n_axes)  # type: ignore[no-untyped-call]
-    within = peaks[(slice(1, -1),) * n_axes] & inside
-    centers = np.asarray(label(within, connectivity=n_axes), np.int32)  # type: ignore[no-untyped-call]
-    parts = watershed(-height, centers, n_axes, mask=inside)  # type: ignore[no-untyped-call]
-    return numbered(np.asarray(parts, np.int32))
+    # What is outside lies lower than all, and so does a rim: in an image of one height, all of it is the peak.
+    shown = np.pad(np.where(inside, height, -np.inf), 1, constant_values=-np.inf)
+    peaks = local_maxima(shown, connectivity=n_axes)[(slice(1, -1),) * n_axes] & inside  # type: ignore[no-untyped-call]
+    centers = np.asarray(label(peaks, connectivity=n_axes), np.int32)  # type: ignore[no-untyped-call]
+    parts = np.asarray(watershed(-height, centers, n_axes, mask=inside), np.int32)  # type: ignore[no-untyped-call]
+    # The highest saddle between each two parts that meet, the highest of all first.
+    meetings = []
+    for step in (step for step in product((-1, 0, 1), repeat=n_axes) if step > (0,) * n_axes):
+        here = tuple(slice(max(-far, 0), length - max(far, 0)) for far, length in zip(step, parts.shape, strict=True))
+        there = tuple(slice(max(far, 0), length + min(far, 0)) for far, length in zip(step, parts.shape, strict=True))
+        meet = (parts[here] != parts[there]) & (parts[here] > 0) & (parts[there] > 0)
+        ends = np.sort([parts[here][meet], parts[there][meet]], axis=0)
+        meetings.append([*ends, np.minimum(height[here][meet], height[there][meet])])
+    first, second, saddles = (np.concatenate(column) for column in zip(*meetings, strict=True))
+    order = np.argsort(-saddles, kind="stable")
+    order = order[np.sort(np.unique(np.stack([first, second])[:, order], axis=1, return_index=True)[1])]
+    tops = largest_by_label(height - height.min(), parts) + height.min()
+    whole = np.arange(len(tops), dtype=np.int32)  # the part of which each is one
+    for *pair, saddle in zip(first[order], second[order], saddles[order], strict=True):
+        lower, higher = sorted(whole[pair], key=tops.__getitem__)
+        if lower != higher and tops[lower] - saddle <= depth:
+            whole[whole == lower] = higher
+    return numbered(whole[parts])
 
 
 def with_own_borders(objects: Ints, values: Floats32, ground: Floats32) -> Ints:
@@ -139,8 +154,7 @@ def _apart(values: Floats32, color: Floats32) -> Floats32:
 def largest_by_label(values: Array, labels: Array) -> Floats:
     """Return the largest value, >= 0, of each label from 0, whose is 0; without a sort, as in scipy.ndimage."""
     largest = np.zeros(int(labels.max(initial=0)) + 1)
-    np.maximum.at(largest, labels.ravel(), values.ravel())
-    largest[0] = 0
+    np.maximum.at(largest, labels[labels > 0], values[labels > 0])
     return largest
 
 

@@ -54,6 +54,11 @@ def in_a_well(image: Image) -> Image:
     return np.where(np.hypot(y, x) < len(well) / 2 - 4, inner, ground + 110)
 
 
+def sprinkled(image: Image, value: float) -> Image:
+    """Give a fiftieth of the pixels a value."""
+    return np.where(np.random.default_rng(0).random(image.shape) < 0.02, value, image)
+
+
 def enlarged(image: Image) -> Image:
     return ndimage.zoom(image.astype(float), 1.5, order=1, grid_mode=True, mode="nearest")
 
@@ -99,6 +104,10 @@ CHANGES = {
     "in negative": lambda image: 255 - image,
     "larger by half": enlarged,
     "three equal bands": lambda image: np.dstack([image] * 3),
+    "light from the left": lambda image: image + 2.0 * RIGHT,
+    "light from below": lambda image: image + 3.0 * DOWN,
+    "a light in the middle": lambda image: image - 0.015 * ((DOWN - 110) ** 2 + (RIGHT - 110) ** 2),
+    "salt": lambda image: sprinkled(image, 255),
 }
 #: However noise is treated, it holds no objects.
 TREATMENTS = {
@@ -108,6 +117,8 @@ TREATMENTS = {
     "half a pixel": lambda image: ndimage.shift(image, 0.5, order=1, mode="nearest"),
     "larger by half": enlarged,
     "shade": lambda image: image + np.linspace(0, 60, SIDE),
+    "pepper": lambda image: sprinkled(image, 0),
+    "salt": lambda image: sprinkled(image, 255),
 }
 SINCE = "2026-11-27"
 #: Noise that interpolation shares among pixels moves outlines farther than the law of ripples says: one may be two.
