@@ -57,10 +57,11 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
+    from cvtimg.designs.factors import read_runs
     from cvtimg.files.whole import csv_text
 
     factors = _factors(given)
-    old = _existing(given, factors)
+    old = None if given.existing is None else read_beside(given.existing, lambda path: read_runs(path, factors))
     stopwatch.lap("read")
     names = [factor.name for factor in factors if not factor.is_category]
     arguments = given.arguments
@@ -71,7 +72,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         arguments["latin"] = None
     result = cvtimg.design(given.number, factors, existing=old, **arguments)
     stopwatch.lap("place")
-    figures = asdict(result.measures()) if given.measures else {}
+    figures = asdict(result.measures()) | {"energy": result.energy} if given.measures else {}
     if given.shuffle is not None:
         result = result.shuffled(given.shuffle)
     header, table = result.table()
@@ -83,7 +84,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("write")
     return {
         **result.summary(),
-        **{name: value for name, value in figures.items() if name != "energy"},
+        **figures,
         "points": None if "-o" in task.outputs else table,
         **({} if "-o" in task.outputs else {"_text": csv_text(header, table).rstrip("\n")}),
     }
@@ -95,12 +96,6 @@ def _factors(given: Given) -> list[Factor]:
     if given.dimensions is not None:
         return [Factor(f"x{axis + 1}") for axis in range(given.dimensions)]
     return read_beside(given.bounds, read_factors) if given.bounds else list(given.axis)
-
-
-def _existing(given: Given, factors: list[Factor]) -> Floats | None:
-    from cvtimg.designs.factors import read_runs
-
-    return None if given.existing is None else read_beside(given.existing, lambda path: read_runs(path, factors))
 
 
 def _computed(name: str, expression: str, axes: Sequence[str]) -> Callable[[Floats], Array]:

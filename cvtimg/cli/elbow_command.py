@@ -65,11 +65,21 @@ class _Curves(Report):
 
     def close(self) -> int:
         status = super().close()
-        if self._plotted:
-            _write(self._plotted, self._given)
-        if len(self._plotted) == 1 and not (self.as_json or self.quiet):
-            curve = self._plotted[0].curve
-            self.say(*_curve_lines(curve, {**curve.elbows(), self._given.rule: self._plotted[0].k}))
+        given, plotted = self._given, self._plotted
+        if plotted and given.csv:
+            from cvtimg.files.whole import write_csv
+
+            lines = [
+                (each.name, k, float(energy), float(share), int(k == each.k))
+                for each in plotted
+                for k, (energy, share) in enumerate(zip(each.curve.energies, each.curve.explained, strict=True), 1)
+            ]
+            write_csv(given.csv, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=given.overwrite)
+        if plotted:
+            plot(given.plot, given, "draw_curves", plotted, rule=given.rule)
+        if len(plotted) == 1 and not (self.as_json or self.quiet):
+            curve = plotted[0].curve
+            self.say(*_curve_lines(curve, {**curve.elbows(), given.rule: plotted[0].k}))
         return status
 
 
@@ -116,16 +126,3 @@ def _curve_lines(curve: EnergyCurve, picks: Mapping[str, int]) -> Iterator[str]:
         decibels = "" if psnr is None else f"{psnr[k - 1]:.2f}" if math.isfinite(psnr[k - 1]) else "exact"
         by = ", ".join(name for name, pick in picks.items() if pick == k)
         yield f"{k:>5}  {energy:>11.5g}  {share:>9.2%}  {decibels:>6}  {by}".rstrip()
-
-
-def _write(done: list[Plotted], given: Given) -> None:
-    from cvtimg.files.whole import write_csv
-
-    if given.csv:
-        lines = [
-            (plotted.name, k, float(energy), float(share), int(k == plotted.k))
-            for plotted in done
-            for k, (energy, share) in enumerate(zip(plotted.curve.energies, plotted.curve.explained, strict=True), 1)
-        ]
-        write_csv(given.csv, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=given.overwrite)
-    plot(given.plot, given, "draw_curves", done, rule=given.rule)

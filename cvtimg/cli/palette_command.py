@@ -92,20 +92,16 @@ class _Palettes(Report):
     def show(self, row: Row) -> None:
         self.say(f"{row['input']}: {row['k']} of {row['distinct_colors']} colors".encode(errors="replace").decode())
         if sys.stdout.isatty():
-            _print_blocks(row["colors"])
+            from rich.console import Console
+            from rich.table import Table
+            from rich.text import Text
+
+            table = Table(box=None, pad_edge=False, show_header=False)
+            largest = max(color["share"] for color in row["colors"])
+            for color in row["colors"]:
+                rgb = color["hex"][:7]
+                bar = Text("█" * max(round(30 * color["share"] / largest), 1), style=rgb)
+                table.add_row(Text(" " * 8, style=f"on {rgb}"), color["hex"], f"{color['share']:7.2%}", bar)
+            Console(highlight=False).print(table)
         else:
             self.say(*(f"{color['hex']}\t{color['share']:.6f}\t{color['pixels']}" for color in row["colors"]))
-
-
-def _print_blocks(colors: list[Row]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, show_header=False)
-    largest = max(color["share"] for color in colors)
-    for color in colors:
-        rgb = color["hex"][:7]
-        bar = "█" * max(round(30 * color["share"] / largest), 1)
-        table.add_row(Text(" " * 8, style=f"on {rgb}"), color["hex"], f"{color['share']:7.2%}", Text(bar, style=rgb))
-    Console(highlight=False).print(table)

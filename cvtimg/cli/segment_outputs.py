@@ -165,8 +165,7 @@ def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume:
         elif kind == "contours":
             write_contours(path, [subject.drawing for subject in subjects], overwrite=given.overwrite)
         elif kind == "table":
-            name = os.fsencode(task.source.name).decode(errors="replace")  # it need not be valid text
-            write_table(path, _table_of(subjects), image=name, overwrite=given.overwrite)
+            write_table(path, _table_of(subjects), image=_text(task.source.name), overwrite=given.overwrite)
         elif divided.pages is None:
             _write_image(kind, subjects[0], path, given.overwrite)
         else:

@@ -104,9 +104,7 @@ def decode_frames(file: BinaryIO) -> Frames | None:
             image.seek(number)
             if drawn is None:
                 image.load()
-                whole: Array | None = np.asarray(to_srgb(image))[: size[1], : size[0]]
-            else:
-                whole = next(drawn, None)
+            whole = next(drawn, None) if drawn else np.asarray(to_srgb(image))[: size[1], : size[0]]
             if whole is None:
                 raise OSError("the last frame is cut off")
             images.append(upright(whole, turn))

@@ -284,12 +284,8 @@ def _decode_all(file: BinaryIO) -> _Decoded:
         return decoded
     with tifffile.TiffFile(file) as tiff:
         first, numbers = first_page(tiff), main_pages(file)
-        tags, page = tiff_tags(first), selected().page
-        if (
-            page
-            and not selected().in_stack
-            and len({(tiff.pages[at].shape, tiff.pages[at].dtype) for at in numbers}) > 1
-        ):
+        tags, page = tiff_tags(first), None if selected().in_stack else selected().page
+        if page and len({(tiff.pages[at].shape, tiff.pages[at].dtype) for at in numbers}) > 1:
             return _page_alone(file, numbers, page, tiff)
         layout, kind = Layout.of(tags), _kind_of(tiff)
         scale, stack = scale_of(tiff), stack_of(tiff, size)

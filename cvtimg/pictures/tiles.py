@@ -111,8 +111,15 @@ def write_bands(
     With a (K, 3) uint8 palette, the bands are indices.
     """
     if Path(path).suffix.lower() == ".zarr":
+        import zarr
+
+        chunks = (min(_CHUNK, form.shape[0]), min(_CHUNK, form.shape[1]), *form.shape[2:])
         with whole_folder(path, overwrite=overwrite) as folder:
-            _write_zarr(folder, form, bands)
+            array = zarr.create_array(str(folder), shape=form.shape, chunks=chunks, dtype=form.dtype, overwrite=True)
+            top = 0
+            for band in in_heights(bands, chunks[0]):
+                array[top : top + len(band)] = band
+                top += len(band)
         return
     with whole_file(path, overwrite=overwrite) as file:
         write_tiff(
@@ -230,7 +237,12 @@ def _tiles(bands: Iterable[Band], side: int) -> Iterator[Band]:
 
 
 def _open_zarr(path: StrPath) -> Bands:
-    array = _zarr_array(path)
+    zarr = optional("zarr", "zarr", f"{path}: needs")
+    try:
+        array = zarr.open(url_of(path), mode="r")
+        array = array["0"] if isinstance(array, zarr.Group) else array
+    except Exception as error:  # zarr raises many kinds of errors for damaged metadata
+        raise OSError(f"{path}: is not a Zarr array ({type(error).__name__})") from error
     if array.ndim not in (2, 3) or 0 in array.shape or str(array.dtype) not in SAMPLES:
         raise OSError(
             f"{path}: holds {array.dtype} of shape {array.shape}; it must be (H, W) or (H, W, C), "
@@ -244,23 +256,3 @@ def _open_zarr(path: StrPath) -> Bands:
             yield np.ascontiguousarray(array[top : top + height])
 
     return Bands(form, read)
-
-
-def _zarr_array(path: StrPath) -> Any:
-    zarr = optional("zarr", "zarr", f"{path}: needs")
-    try:
-        store = zarr.open(url_of(path), mode="r")
-        return store["0"] if isinstance(store, zarr.Group) else store
-    except Exception as error:  # zarr raises many kinds of errors for damaged metadata
-        raise OSError(f"{path}: is not a Zarr array ({type(error).__name__})") from error
-
-
-def _write_zarr(folder: Path, form: Form, bands: Iterable[Band]) -> None:
-    import zarr
-
-    chunks = (min(_CHUNK, form.shape[0]), min(_CHUNK, form.shape[1]), *form.shape[2:])
-    array = zarr.create_array(str(folder), shape=form.shape, chunks=chunks, dtype=form.dtype, overwrite=True)
-    top = 0
-    for band in in_heights(bands, chunks[0]):
-        array[top : top + len(band)] = band
-        top += len(band)

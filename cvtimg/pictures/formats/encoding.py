@@ -9,12 +9,13 @@ import numpy as np
 from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that, check_within
+from cvtimg._shared.extras import optional
 from cvtimg._shared.pixels import says_alpha
 from cvtimg._shared.records import PROVING, prove
 from cvtimg._shared.types import Array, Bytes
 from cvtimg.pictures.formats.geotiff import extra_tags
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.pictures.formats.png import deep_png, indexed, optimized, small_png
+from cvtimg.pictures.formats.png import deep_png, indexed, small_png
 from cvtimg.pictures.formats.tiff import write_tiff
 
 # Modes that Pillow lacks: 16-bit color, and any other arrays.
@@ -138,7 +139,8 @@ def encoder(
         buffer = BytesIO()
         _write(buffer if optimize else file, picture, form, metadata or Metadata(), smallest)
         if optimize:
-            file.write(optimized(buffer.getvalue()))
+            oxipng = optional("oxipng", "oxipng", "optimize needs")
+            file.write(oxipng.optimize_from_memory(buffer.getvalue(), level=4))  # the lowest that sorts the palette
         if PROVING and form.lossless and form.name != "NPY" and mode in (*_EIGHT_BITS, "P"):
             prove(form.name, iter([("what is read is what was written", _reads_back(file, picture))]))
 

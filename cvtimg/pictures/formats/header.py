@@ -177,6 +177,9 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
     known = image.format != "TIFF" and (image.format != "PNG" or "exif" in image.info)
     if known and orientation(image) >= 5:
         width, height = height, width
+    tags = tags_of(image)
+    is_tiff = image.format == "TIFF"
+    pages = _of_pages(file, describes_pages(tags)) if is_tiff else {"frames": getattr(image, "n_frames", 1)}
     return ImageInfo(
         width=width,
         height=height,
@@ -184,14 +187,10 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
         mode=image.mode,
         bands=image.getbands(),
         bits=depth(image),
-        **(
-            _of_pages(file, describes_pages(tags_of(image)))
-            if image.format == "TIFF"
-            else {"frames": getattr(image, "n_frames", 1)}
-        ),
+        **pages,
         has_alpha=image.has_transparency_data,
         icc=profile_name(image.info.get("icc_profile")),
-        **Place.of(tags_of(image))._asdict(),
+        **Place.of(tags)._asdict(),
     )
 
 

@@ -104,9 +104,12 @@ def reading(source: Source) -> Iterator[BinaryIO]:
 @contextmanager
 def named(source: Source) -> Iterator[None]:
     """Name a source in errors: any in the block becomes an `OSError`."""
-    path = name_of(source)
+    path = str(getattr(source, "name", "stream"))
     if isinstance(source, (str, os.PathLike)):
         check_name(source)
+        path = url_of(source)
+    elif isinstance(source, (bytes, bytearray, memoryview)):
+        path = "bytes"
     try:
         yield
     # For damaged files Pillow and tifffile raise many kinds of errors: SyntaxError, struct.error,
@@ -132,13 +135,6 @@ def writing(path: StrPath, *, overwrite: bool, through: type[Exception] = Module
             except OSError as system:
                 why = system
             raise OSError(f"{path}: cannot be written ({one_line(why)})") from error
-
-
-def name_of(source: Source) -> str:
-    """Return the name of a source for messages."""
-    if isinstance(source, (str, os.PathLike)):
-        return url_of(source)
-    return "bytes" if isinstance(source, (bytes, bytearray, memoryview)) else str(getattr(source, "name", "stream"))
 
 
 @contextmanager

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFile
 from PIL.PngImagePlugin import PngImageFile
 
-from cvtimg._shared.extras import optional
 from cvtimg._shared.types import Array, Bytes, Ints64
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
@@ -87,11 +86,6 @@ class _Form(NamedTuple):
         pixels = b"".join(data for name, data in chunks if name == b"IDAT")
         return cls(chunks[: [name for name, _ in chunks].index(b"IDAT")], zlib.decompress(pixels))
 
-    @property
-    def size(self) -> int:
-        """Number of bytes before the pixels."""
-        return sum(len(data) for _, data in self.head)
-
     def png(self, pixels: bytes) -> bytes:
         """Return the file, of deflated rows."""
         chunks = *self.head, (b"IDAT", pixels), (b"IEND", b"")
@@ -140,7 +134,9 @@ def small_png(images: Sequence[Image.Image], **options: Any) -> bytes:
         form = _Form.of(image, **options)
         forms += form.of_indices(image) if image.mode == "P" else [form]
     # Level 1 misses the long repetitions of filtered drawings, and tells too little of their size.
-    sizes = [form.size + len(deflate.zlib_compress(form.rows, 6)) for form in forms] if forms[1:] else [0]
+    sizes = [0]
+    if forms[1:]:
+        sizes = [sum(len(data) for _, data in form.head) + len(deflate.zlib_compress(form.rows, 6)) for form in forms]
     first = forms[sizes.index(min(sizes))]
     if len(deflate.zlib_compress(first.rows, 1)) < _DEFLATE.flat * len(first.rows):
         level, likely = _DEFLATE.levels_of_flat[large], [first]  # this takes long
@@ -168,9 +164,3 @@ def roughness(pixels: Bytes) -> float:
     """Return the mean size of what filters leave of the (H, W, C) samples of an image, in levels."""
     rows = np.frombuffer(_Form.of(Image.fromarray(pixels.squeeze())).rows, np.uint8).reshape(len(pixels), -1)
     return float(_sizes(rows[:, 1:]).sum() / pixels.size)
-
-
-def optimized(png: bytes, level: int = 4) -> bytes:
-    """Recompress a PNG losslessly with oxipng, at the lowest level that sorts the palette."""
-    content: bytes = optional("oxipng", "oxipng", "optimize needs").optimize_from_memory(png, level=level)
-    return content

@@ -103,12 +103,8 @@ def decode_tiff(file: BinaryIO, *, keep_profile: bool = False, number: int = 0) 
 def is_plain(tags: Tags) -> bool:
     """Whether samples are gray from black or RGB, of at least 8 bits, and upright."""
     upright = _first(tags.get(Base.Orientation, 1)) == 1
-    plain = (_Value.PHOTOMETRIC_BLACK_IS_0, _Value.PHOTOMETRIC_RGB)
-    return (
-        (tags.get(Base.PhotometricInterpretation) in plain or holds_values(tags))
-        and Layout.of(tags).bits >= 8
-        and upright
-    )
+    plain = tags.get(Base.PhotometricInterpretation) in (_Value.PHOTOMETRIC_BLACK_IS_0, _Value.PHOTOMETRIC_RGB)
+    return (plain or holds_values(tags)) and Layout.of(tags).bits >= 8 and upright
 
 
 def holds_values(tags: Tags) -> bool:
