@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, is_known, says_alpha
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
+from cvtimg._shared.types import Array, Bools, Dtype, Floats, Floats32, Ints
 
 _Name = TypeVar("_Name", bound=str)
 #: What an image must have.
@@ -381,7 +381,7 @@ def check_picture_density(name: str, density: ArrayLike) -> Floats32:
     return array.astype(np.float32, copy=False)
 
 
-def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> Array:
+def check_colors(name: str, colors: ArrayLike, dtype: Dtype) -> Array:
     """Return `colors` as a (K, C) array of the type of an image, in whose units they are."""
     array = np.asarray(colors)
     array = array[:, np.newaxis] if array.ndim == 1 else array

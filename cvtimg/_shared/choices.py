@@ -17,6 +17,8 @@ AlignName: TypeAlias = Literal["auto", "translation", "euclidean", "affine", "ho
 GoalName: TypeAlias = Literal["error", "eyes"]
 #: Keyword arguments by their names.
 Options: TypeAlias = Mapping[str, Any]
+#: Keyword arguments that are put together, or what a library calls by names.
+Arguments: TypeAlias = dict[str, Any]
 #: A row of a table: values by the names of columns, as `summary` of results returns them.
 Row: TypeAlias = dict[str, Any]
 #: An object of JSON.

@@ -3,14 +3,13 @@
 import json
 from collections.abc import Iterable, Iterator
 from types import MappingProxyType
-from typing import Any
 
 from cvtimg._shared.choices import Json, Options
 
 _Place = list[float]
 
 
-def feature(polygons: list[list[list[_Place]]], properties: Options, **members: Any) -> Json:
+def feature(polygons: list[list[list[_Place]]], properties: Options, **members: object) -> Json:
     """Return a feature of one or several polygons, each a list of closed rings, the outer one first."""
     kind, places = ("Polygon", polygons[0]) if len(polygons) == 1 else ("MultiPolygon", polygons)
     return {"type": "Feature", **members, "properties": properties, "geometry": {"type": kind, "coordinates": places}}

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cvtimg._shared.budgets import SAMPLES_OF_FIGURE
-from cvtimg._shared.types import Array, Bools
+from cvtimg._shared.types import Array, Bools, Dtype
 
 #: Pillow modes whose samples are grey or RGB, perhaps with alpha: others hold indices, ink or other coordinates.
 _PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
@@ -76,7 +76,7 @@ def not_black(mask: Array) -> Bools:
     return np.asarray(((bands[:, :, :-1] if bands.shape[2] in (2, 4) else bands) > 0).any(axis=2))
 
 
-def peak(dtype: np.dtype[Any]) -> float:
+def peak(dtype: Dtype) -> float:
     """Return the value of white: the largest integer of the type, or 1 for floating point."""
     return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
 
@@ -107,7 +107,7 @@ def usual_range(*arrays: Array) -> float:
     return float(np.ptp(np.quantile(some.astype(np.float64), (0.01, 0.99))))
 
 
-def white_of(dtype: np.dtype[Any]) -> Any:
+def white_of(dtype: Dtype) -> Any:
     """Return white as a sample of a type: `peak`, which is a float, rounds integers of 64 bits."""
     return dtype.type(np.iinfo(dtype).max if dtype.kind in "iu" else 1)
 

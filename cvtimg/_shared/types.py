@@ -15,6 +15,7 @@ class _Exported(Protocol):
 
 #: An array whose numbers are of the type of an argument.
 Array: TypeAlias = NDArray[Any]
+Dtype: TypeAlias = np.dtype[Any]
 Floats: TypeAlias = NDArray[np.float64]
 Floats32: TypeAlias = NDArray[np.float32]
 Ints: TypeAlias = NDArray[np.int32]

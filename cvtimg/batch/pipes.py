@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from cvtimg.batch.tasks import Task, WrongUsageError
 
@@ -77,7 +76,7 @@ def read_all(path: Path) -> bytes:
     """Read all of a file, or of standard input."""
     if not is_standard(path):
         return path.read_bytes()
-    stream: Any = sys.stdin
+    stream = sys.stdin
     if stream is None:
         raise OSError("standard input is closed")
     content: bytes | str = getattr(stream, "buffer", stream).read()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 
 if TYPE_CHECKING:
+    from cvtimg._shared.types import Array
     from cvtimg.bases import Basis
 
 EXAMPLES = """\
@@ -45,7 +46,7 @@ def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     return result.summary()
 
 
-def _panels(basis: Basis) -> list[list[tuple[Any, str]]]:
+def _panels(basis: Basis) -> list[list[tuple[Array, str]]]:
     """Show centers as they are, and modes about gray: a mode has no sign and no scale."""
     import numpy as np
 

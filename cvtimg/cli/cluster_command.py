@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
+from cvtimg._shared.choices import Arguments
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def cluster(given: Given) -> Todo:
     )
 
 
-def reading(given: Given) -> dict[str, Any]:
+def reading(given: Given) -> Arguments:
     """Return the arguments of `read_table` and `open_blocks` that options give; `given.dialect` is that of text."""
     from cvtimg.tables import Dialect
 
@@ -82,7 +83,7 @@ def _parts(text: str) -> list[str]:
     return [part.strip() for part in next(csv.reader([text], skipinitialspace=True), [])]
 
 
-def told_left_out(left_out: Mapping[str, str]) -> dict[str, Any]:
+def told_left_out(left_out: Mapping[str, str]) -> Arguments:
     """Return the columns of a row that tell which columns of a table were left out."""
     if not left_out:
         return {}

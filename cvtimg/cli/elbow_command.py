@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cvtimg.cli.cluster_command import reading, told_left_out
 from cvtimg.cli.running import Given, Report, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot
@@ -100,7 +100,7 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _read(source: Path, given: Given) -> tuple[Any, Array | None, Array | None, Mapping[str, str]]:
+def _read(source: Path, given: Given) -> tuple[Array, Array | None, Array | None, Mapping[str, str]]:
     """Read the samples, the image if the file is one, the weights of rows, and why columns were left out."""
     from cvtimg.blocks import Spread
     from cvtimg.pictures.stacks import read_whole

@@ -92,7 +92,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     return {**result.summary(), **(asdict(result.measures()) if given.measures else {})}
 
 
-def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: Given) -> Row:
+def _fill(task: Task, stopwatch: Stopwatch, voxels: Array, is_mask: bool, given: Given) -> Row:
     from dataclasses import asdict
 
     from cvtimg.meshes import mesh_volume

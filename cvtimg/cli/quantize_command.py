@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from cvtimg._shared.choices import Options
+from cvtimg._shared.choices import Arguments, Options
 from cvtimg._shared.extras import needs
 from cvtimg.batch.pipes import is_pipe
 from cvtimg.batch.plans import Plan, check_suffix, searched
@@ -215,7 +215,7 @@ def _count_known(task: Task, *, given: Given) -> ColorSamples:
     return count_picture(image, given.depth, mask=None if known.all() else known)
 
 
-def _palette_of_all(samples: ColorSamples, *, options: dict[str, Any]) -> Array:
+def _palette_of_all(samples: ColorSamples, *, options: Arguments) -> Array:
     """Find a palette as `quantize` would for one image."""
     from cvtimg import find_palette
     from cvtimg.colors.spaces import to_depth

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from cvtimg._shared.choices import Options
+from cvtimg._shared.choices import Arguments, Options
 from cvtimg.batch.pipes import is_standard
 from cvtimg.batch.plans import Outputs, Pattern, Plan, plan_each, plan_one
 from cvtimg.batch.report import Report
@@ -45,7 +45,7 @@ def plan_of(
     """
     inputs: Sequence[str] = ()
     read = list(also_read)
-    outputs: dict[str, Any] = {"-o": named, **(more or {})}  # in this order
+    outputs: Arguments = {"-o": named, **(more or {})}  # in this order
     for name, option in given.options.items():
         value = getattr(given, name)
         paths = [part for part in (value if option.many else [value]) or () if isinstance(part, Path)]
@@ -82,7 +82,7 @@ def plot(path: Path | None, given: Given, draw: str, *drawn: Any, **more: Any) -
         plotting.save_plot(path, getattr(plotting, draw), *drawn, **more, overwrite=given.overwrite)
 
 
-def only(arguments: Options, names: Collection[str]) -> dict[str, Any]:
+def only(arguments: Options, names: Collection[str]) -> Arguments:
     """Return those of some arguments that a function takes."""
     return {name: value for name, value in arguments.items() if name in names}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import AbstractContextManager, suppress
 from itertools import compress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cvtimg._shared.budgets import GIVEN
 from cvtimg._shared.extras import optional
@@ -13,7 +13,7 @@ from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageErro
 from cvtimg.files.remote import exists, local_copy
 
 if TYPE_CHECKING:
-    from cvtimg._shared.types import Array, Floats
+    from cvtimg._shared.types import Array, Bools, Floats
     from cvtimg.sphere import CellWidth, PartialGrid, SphereGrid
 
 EXAMPLES = """\
@@ -28,6 +28,8 @@ EXAMPLES = """\
   cvtimg sphere -n 5000 --parent globe.nc --within -96,38,25 -o nested.nc
 """
 COLUMNS = ("n", "kept", "median_width_km", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
+#: A part of the globe with finer cells: an image and a ratio, or the numbers of a circle.
+_Finer: TypeAlias = tuple[Any, ...]
 #: Half of the way around the earth, in km: wider cells are meant in meters.
 _WIDEST = 20_000
 #: Pixels along a cell of maps that are drawn of polygons: fewer make coasts jagged; and heights in pixels at least and
@@ -58,7 +60,7 @@ def sphere(given: Given) -> Todo:
     return planned(plan_of(given, together=True, also_read=files), _sphere, COLUMNS, given)
 
 
-def _refinement(text: str) -> tuple[Any, ...]:
+def _refinement(text: str) -> _Finer:
     """Read LON,LAT,RADIUS,RATIO as numbers, or IMAGE,RATIO as a path and a number."""
     if text.count(",") == 1:
         image, ratio = text.split(",")
@@ -147,7 +149,7 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given) -> None:
+def _plot(grid: SphereGrid, kept: Bools, path: Path, given: Given) -> None:
     from cvtimg.sphere import cell_polygons, earth_coasts
 
     cells, widths = grid.cells(), grid.widths()[kept]
@@ -198,11 +200,11 @@ def read_coast(path: Path, n: int) -> Array:
     return land
 
 
-def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:
+def read_densities(density: Path | None, finer: list[_Finer]) -> list[object] | None:
     """Return what `cvtimg.sphere_grid` takes as a density: a map, circles and maps of finer cells, or None."""
     from cvtimg.sphere import GlobePicture, Refinement, by_spacing
 
-    parts: list[Any] = [] if density is None else [GlobePicture.of("density", read_globe("--density", density))]
+    parts: list[object] = [] if density is None else [GlobePicture.of("density", read_globe("--density", density))]
     for where, *numbers in finer:
         if isinstance(where, Path):
             parts.append(GlobePicture.of("density", by_spacing(read_globe("--refine", where), *numbers)))
@@ -261,7 +263,7 @@ def _lines(text: str) -> list[Any]:
     return [[numbers[k : k + 2] for k in range(0, len(numbers), 2)]]
 
 
-def read_width(width: float | Path, circles: list[tuple[Any, ...]]) -> CellWidth:
+def read_width(width: float | Path, circles: list[_Finer]) -> CellWidth:
     """Return widths of cells in km: one, or a map of them, with circles of finer cells."""
     from cvtimg.sphere import CellWidth, WidthCircle
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -16,7 +15,7 @@ from numpy.typing import DTypeLike
 from cvtimg._shared.checks import check_channels, check_choice, check_within
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Dtype, Floats
 
 # Oklab, Björn Ottosson 2020, https://bottosson.github.io/posts/oklab/: linear sRGB to cone responses, and the cube
 # roots of these to lightness and two opponent channels.
@@ -174,7 +173,7 @@ def to_depth(colors: Array, dtype: DTypeLike) -> Array:
     return unit.astype(dtype, copy=False)
 
 
-def _rounded(values: Array, dtype: np.dtype[Any]) -> Array:
+def _rounded(values: Array, dtype: Dtype) -> Array:
     """Round floating point, in place, to the nearest integers of a type."""
     low, high = float(np.iinfo(dtype).min), peak(dtype)
     if dtype.itemsize == 8:  # the largest integer of 64 bits would be rounded up, beyond the type

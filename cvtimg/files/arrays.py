@@ -1,7 +1,6 @@
 """Arrays in one .npz file with a tag that says what they are: saved whole, and read back from the same place."""
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ def save_arrays(
     path: StrPath, kind: str, arrays: Options, *, compressed: bool = False, overwrite: bool = False
 ) -> None:
     """Write arrays to a NumPy .npz file, whole or not at all, with a tag that says what they are, such as "basis"."""
-    write: Any = np.savez_compressed if compressed else np.savez
+    write = np.savez_compressed if compressed else np.savez
     with whole_file(path, overwrite=overwrite) as file:
         write(file, **{_TAG: f"cvtimg {kind} {_VERSION}", **arrays})
 

@@ -1,7 +1,5 @@
 """Options of ``cvtimg mesh``, ``cvtimg surface`` and ``cvtimg sphere``."""
 
-from typing import Any
-
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, passed
@@ -11,10 +9,10 @@ OUT_DIR = common.out_dir("Folder for outputs NAME.vtu.")
 _RADII = {"mpas": 6_371_229.0, "cesm": 6_371_220.0}
 
 
-def _radius(text: Any) -> float:
+def _radius(text: str | float) -> float:
     """Return a radius by its name, or a number."""
     try:
-        return _RADII.get(text) or Real(above=0).parse(text)
+        return _RADII.get(str(text)) or Real(above=0).parse(text)
     except ValueError as error:
         raise ValueError(f"{error}, or {', '.join(_RADII)}") from None
 

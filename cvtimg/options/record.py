@@ -16,7 +16,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple, TypeAlias
 
-from cvtimg._shared.choices import Options
+from cvtimg._shared.choices import Arguments, Options
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import reworded
 from cvtimg.batch.pipes import STANDARD
@@ -251,7 +251,7 @@ class Given(SimpleNamespace):
         return (self.worded(text) if "=" in text else option.flag) + by_default
 
     @property
-    def arguments(self) -> dict[str, Any]:
+    def arguments(self) -> Arguments:
         """The arguments of the Python function by their names there; those not given are left out."""
         values = {keyword: self._argument(option) for keyword, option in self.keywords.items()}
         return {keyword: value for keyword, value in values.items() if value is not None}

@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.choices import Arguments
 from cvtimg._shared.pixels import is_known, not_black
 from cvtimg._shared.types import Array, Bools
 from cvtimg.files.whole import StrPath
@@ -113,7 +114,7 @@ class Stack:
             form = replace(form, shape=(*form.shape[:2], *first.shape[2:]), alpha=bool(alpha), nodata=nodata)
             write_bands(path, form, chain(start, bands), palette=palette, overwrite=overwrite)
         else:
-            options: dict[str, Any] = {"palette": palette, "alpha": alpha, "metadata": metadata, "optimize": optimize}
+            options: Arguments = {"palette": palette, "alpha": alpha, "metadata": metadata, "optimize": optimize}
             write_image(path, next(iter(images)), **options, smallest=smallest, overwrite=overwrite)
 
 

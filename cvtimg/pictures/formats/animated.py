@@ -8,12 +8,13 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from io import BytesIO
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from PIL import GifImagePlugin, Image
 from PIL.GifImagePlugin import GifImageFile
 
+from cvtimg._shared.choices import Arguments
 from cvtimg._shared.types import Array, Bools, Bytes
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.metadata import Metadata
@@ -89,7 +90,7 @@ def _gif_table(palette: Bytes) -> bytes:
     return palette[:, :3].tobytes().ljust(3 << (n_entries - 1).bit_length(), b"\0")
 
 
-def _gif_frame(cel: Cel, changed: Bools, clears: bool, options: dict[str, Any]) -> list[bytes]:
+def _gif_frame(cel: Cel, changed: Bools, clears: bool, options: Arguments) -> list[bytes]:
     """Encode a frame: the pixels that changed, or all visible pixels if the animation has transparency."""
     palette = np.empty((0, 3), np.uint8) if cel.palette is None else cel.palette
     box = _box(cel.image[..., 3] > 0 if clears else changed)

@@ -1,10 +1,10 @@
 """Arrays of numbers: samples of any type in native byte order, and .npy files."""
 
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Dtype
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, selected
 
 NPY_MAGIC = b"\x93NUMPY"
@@ -40,7 +40,7 @@ def decode_npy(file: BinaryIO) -> Array:
     return as_samples(_checked(np.load(file, allow_pickle=False)))
 
 
-def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
+def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], Dtype]:
     """Return the shape and type of an array; a file on disk is only memory-mapped."""
     name = getattr(file, "name", None)
     whole = np.load(file, allow_pickle=False) if name is None else np.load(name, mmap_mode="r", allow_pickle=False)

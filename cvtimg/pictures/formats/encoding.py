@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from importlib.util import find_spec
 from io import BytesIO
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that, check_within
+from cvtimg._shared.choices import Arguments
 from cvtimg._shared.extras import optional
 from cvtimg._shared.pixels import says_alpha
 from cvtimg._shared.records import PROVING, prove
@@ -39,7 +40,7 @@ class _Format(NamedTuple):
     name: str
     modes: tuple[str, ...]
     lossless: bool
-    options: dict[str, Any]
+    options: Arguments
     keeps: tuple[str, ...] = ()  # fields of Metadata, under Pillow's names
 
 

@@ -3,11 +3,12 @@
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, BinaryIO, Literal
+from typing import BinaryIO, Literal
 
 import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
 
+from cvtimg._shared.choices import Arguments
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
@@ -108,7 +109,7 @@ def read_stored(image: StoredStack) -> ImageInfo:
     """Describe what is chosen of a stack on disk."""
     header = replace(_of_array(image.array.shape[-2:], 1, np.dtype(image.array.dtype)), format=image.form)
     stack = image.stack
-    about: dict[str, Any] = {"shape": stack.shape, "channels": stack.channels, "frames": math.prod(stack.shape)}
+    about: Arguments = {"shape": stack.shape, "channels": stack.channels, "frames": math.prod(stack.shape)}
     return _chosen(replace(header, axes=image.letters, pixel_size=image.pixel_size, **about))
 
 
@@ -155,10 +156,10 @@ def _read(file: BinaryIO) -> ImageInfo:
         return _of_picture(image, file)
 
 
-def _of_pages(file: BinaryIO, said: bool = True) -> dict[str, Any]:
+def _of_pages(file: BinaryIO, said: bool = True) -> Arguments:
     """Describe the pages of a TIFF and the size of their pixels, of which one page tells where something is `said`."""
     n_pages = count_pages(file)
-    columns: dict[str, Any] = {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
+    columns: Arguments = {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
     if n_pages == 1 and not said:
         return columns
     import tifffile

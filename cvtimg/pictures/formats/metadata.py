@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from PIL import Image, ImageFile, UnidentifiedImageError
 from PIL.ExifTags import IFD, Base
 
-from cvtimg._shared.choices import Options
+from cvtimg._shared.choices import Arguments, Options
 from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Place, Tags, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
 from cvtimg.pictures.formats.pixel_size import PixelSize
@@ -66,11 +66,11 @@ class Metadata:
         """Return the size of pixels for files that can tell it; None without one."""
         return cls(dpi=size.dpi, scale=size.scale()) if size else None
 
-    def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
+    def options(self, form: str, mode: str, kept: tuple[str, ...]) -> Arguments:
         """Return the options of Pillow's `save` for the metadata that a format stores with images of a mode."""
         space = "GRAY" if mode in ("1", "L", "I;16") else "RGB"
         icc = self.icc if self.icc and profile_space(self.icc) == space else None
-        values: dict[str, Any] = {"icc_profile": icc, "dpi": self.dpi, "exif": self.exif}
+        values: Arguments = {"icc_profile": icc, "dpi": self.dpi, "exif": self.exif}
         if form == "JPEG" and self.dpi and max(self.dpi) >= 1 << 16:
             values["dpi"] = None
         given = {name: values[name] for name in kept if values[name]}
@@ -143,7 +143,7 @@ def _dpi(image: ImageFile.ImageFile) -> tuple[float, float] | None:
     return None
 
 
-def _scale_of(file: BinaryIO, tags: Tags) -> dict[str, Any]:
+def _scale_of(file: BinaryIO, tags: Tags) -> Arguments:
     """Return the pixels per unit of an ImageJ or OME file with what names the unit; empty without either."""
     if not describes_pages(tags):
         return {}

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from cvtimg._shared.choices import Options
+from cvtimg._shared.choices import Arguments, Options
 
 _MICROMETER = "um"
 #: Other ways to write units.
@@ -105,7 +105,7 @@ class PixelSize:
         unit = _UNITS.get(unit, unit)
         return cls(x, y, unit, z) if x and y and unit not in ("", "pixel", "pixels") else None
 
-    def scale(self, kind: str = "imagej") -> dict[str, Any]:
+    def scale(self, kind: str = "imagej") -> Arguments:
         """Return the size under the names of `Pages.scale`, in the convention of ImageJ or of OME."""
         if kind == "ome":
             unit = "\u00b5m" if self.unit == _MICROMETER else self.unit

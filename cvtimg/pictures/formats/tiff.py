@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 from PIL.ExifTags import Base
 
+from cvtimg._shared.choices import Arguments
 from cvtimg._shared.pixels import peak, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg._shared.types import Array, Bytes
@@ -321,10 +322,10 @@ def write_tiff(
     )
 
 
-def scale_of(tiff: tifffile.TiffFile) -> dict[str, Any]:
+def scale_of(tiff: tifffile.TiffFile) -> Arguments:
     """Collect the physical sizes that the file states."""
     tags = tiff.pages.first.aspage().tags
-    scale: dict[str, Any] = {}
+    scale: Arguments = {}
     across, down = tags.valueof(Base.XResolution), tags.valueof(Base.YResolution)
     if across and down and across[1] and down[1]:
         scale["resolution"] = (across[0] / across[1], down[0] / down[1])
