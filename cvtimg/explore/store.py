@@ -28,7 +28,7 @@ from cvtimg.explore.calls import Code, Line, as_python, call, run
 from cvtimg.explore.controls import UnfitRequestError, is_number
 from cvtimg.explore.opened import Picture, most_pixels
 from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
-from cvtimg.palettes.known import known_palettes
+from cvtimg.palettes.files import known_palettes
 from cvtimg.pictures.formats.encoding import encode_image
 
 #: Largest file that is taken.

@@ -5,6 +5,7 @@ Formats are registered here by suffix. Images can be read as palettes, too.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +21,6 @@ from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.formats import adobe, text
 from cvtimg.palettes.formats.picture import read_picture, write_picture
-from cvtimg.palettes.known import known_palette, known_palettes
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
 
@@ -47,6 +47,16 @@ PALETTE_FORMATS = {
     ".txt": PaletteFormat(text.read_paintnet, text.write_paintnet),
     ".png": PaletteFormat(read_picture, write_picture),
 }
+
+
+#: Colors in place of a name, all of them with alpha or none.
+_COLORS = re.compile(r"#(?:[0-9a-fA-F]{6}(?:,#[0-9a-fA-F]{6})*|[0-9a-fA-F]{8}(?:,#[0-9a-fA-F]{8})*)")
+
+
+def known_palettes() -> dict[str, Bytes]:
+    """Return the (K, 3) palettes of well-known machines by name; the NES has no fixed RGB values but usual ones."""
+    paths = sorted((Path(__file__).parent / "known").glob("*.hex"))
+    return {path.stem: text.read_hex(path.read_bytes()) for path in paths}
 
 
 def read_palette(path: StrPath) -> Bytes:
@@ -84,10 +94,14 @@ def read_palette(path: StrPath) -> Bytes:
     ...     read_palette(f"{folder}/flag.hex").tolist()
     [[0, 0, 255], [255, 255, 0]]
     """
-    if (given := known_palette(str(path))) is not None and not Path(path).exists():
-        return given
-    if "." not in str(path) and not Path(path).exists():
-        raise FileNotFoundError(f"{path}: is no file, and no known palette: {', '.join(known_palettes())}")
+    if not Path(path).exists():
+        name, known = str(path), known_palettes()
+        if _COLORS.fullmatch(name):
+            return text.read_hex(name.replace(",", "\n").encode())
+        if name in known:
+            return known[name]
+        if "." not in name:
+            raise FileNotFoundError(f"{path}: is no file, and no known palette: {', '.join(known)}")
     form = PALETTE_FORMATS.get(Path(path).suffix.lower(), PALETTE_FORMATS[".png"])
     with reading(path) as file:
         return form.read(file.read())

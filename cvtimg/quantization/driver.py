@@ -76,17 +76,16 @@ class _Aiming(NamedTuple):
     prices_of_phrases: Sequence[float] = tuple(np.geomspace(4.8, 0.02, 237).tolist())
     # For files that must be small: streaks look better than few colors.
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
-    # A search for a quality ends with a result that is better by `close`, or after `n_trials`: of prices, of numbers.
+    # A search for a quality ends with a result that is better by at most `close`, or a third of that for each mapping.
     close: float = 0.5
-    # To the quality with few matches is near enough to go on with all; above it are other numbers of colors tried, that
-    # prices then lower.
+    # A sample so near to the quality is enough to go on with the whole; so far above it are other numbers of colors
+    # tried, that prices then lower.
     near: float = 1.5
     far: float = 6.0  # above the quality are the same colors enough, at another price or diffusion
     dearer: float = 4.0  # times the highest price, by which the quality of a number of colors is lowered
     others: float = 2.5  # times as many colors, or a share of them, are tried after the first number
-    n_trials: int = 4  # with one of few matches
-    n_more: int = 9  # where none has reached the quality
-    n_usual: int = 2  # of all matches, without a target
+    n_most: int = 12
+    n_usual: int = 2  # without a target
     # The quality without a target, at which images look the same, or `below_best` less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
@@ -395,133 +394,153 @@ def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> l
     return found[-1:] if bands <= max(_AIMING.bands, _banding(source, mixed)) else []
 
 
-class _Rung(NamedTuple):
-    """A setting that a search may try."""
+class _Setting(NamedTuple):
+    """What a search varies."""
 
     n_colors: int
     price: float  # of a bit
     strength: float  # of diffusion
 
 
+class _Trial(NamedTuple):
+    """What a setting gives: of a sample, with few matches, a quality alone."""
+
+    quality: float
+    result: Any = None
+
+
 class _Search:
-    """A search among rungs for the result of a quality: by mappings with few matches, then by whole ones."""
+    """A search for the setting of a quality: by a sample, where that is much smaller, and by whole mappings."""
 
     def __init__(self, source: Source, how: QuantizeOptions, palettes: _Palettes) -> None:
         self._source, self._how, self._palettes, self._given = source, how, palettes, how.quality is not None
         self._sample = source.sample(small=not self._given)
-        self._found: dict[_Rung, Any] = {}
-        self._tried: dict[_Rung, float] = {}  # qualities with few matches
-        self._above = 0.0  # by which the whole with all matches was better
+        self._trials: dict[_Setting, _Trial] = {}
+        self._bias = 0.0  # by which the whole with all matches is better than the sample
         self._strengths = _AIMING.strengths if how.dither_strength is None else [how.strength]
-        numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
-        usual = len(self._strengths) // 2
         self._prices = _AIMING.prices_of_phrases if how.rate.coder == "lzw" else _AIMING.prices
-        free, strength = self._prices[0], self._strengths[usual]
-        self._rungs = [_Rung(number, free, strength) for number in numbers if how.palette is None]
+        numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
+        usual = _Setting(palettes.most, self._prices[0], self._strengths[len(self._strengths) // 2])
         finely = self._finely(palettes.most)
-        self._rungs += [rung for rung in finely if rung.price <= free and rung.strength >= strength]
+        # From bad to good: of more and more colors, and of all at lower prices.
+        self._settings = [usual._replace(n_colors=number) for number in numbers if how.palette is None]
+        self._settings += finely[finely.index(usual) :]
 
     def nearest(self) -> Any:
         """Return the smallest result of the quality, or the best."""
-        given, close, more = self._given, _AIMING.close, 0.0
         with part(0.1, 0.3):
-            rung = self._begun()
-        n_left = _AIMING.n_trials - len({*self._tried, *self._found} - {rung}) if given else _AIMING.n_usual
+            setting: _Setting | None = self._begun()
         with part(0.3, 1):
-            for n in first_few(range(n_left + _AIMING.n_more)):
-                quality, least = self._result(rung), self.least()
-                above = [one.content_quality - least for one in self._found.values() if one.content_quality >= least]
-                reached = min(above, default=math.inf) <= _AIMING.near
-                if n + 1 >= n_left and (reached or not given or (not above and self._rungs[-1] in self._found)):
+            for n in first_few(range(1, 1 + (_AIMING.n_most if self._given else _AIMING.n_usual))):
+                if setting is None:
                     break
-                more = 2 * more or close / 2 if n + 2 >= n_left and not above else 0.0
-                wanted = least + given * close / 2 + more
-                after = self._after(rung, quality, wanted)
-                if abs(quality - wanted) <= (close / 2 if given else 2.5 * close) or (after is None and above):
+                self._mapped(setting)
+                least, most_below, most_above = self.least(), 2.5 * _AIMING.close, 2.5 * _AIMING.close
+                if self._given:
+                    most_below, most_above = 0, _AIMING.close * max(1, n / 3)
+                if any(-most_below <= self._seen(some) - least <= most_above for some in self._whole):
                     break
-                rung = after or rung
-        return min(self._found.values(), key=lambda one: _miss(one.content_quality, least))
-
-    def _after(self, rung: _Rung, quality: float, wanted: float) -> _Rung | None:
-        """Return the rung to try next, if one is left."""
-        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors. Dearer
-        # bits lower it by some points; cheaper ones hardly raise it, where colors are few.
-        after, finely = [], self._finely(rung.n_colors)
-        misses = [self._result(one) - wanted for one in finely if one in self._found]
-        if min(misses) < 0 < max(misses) or -_AIMING.near <= quality - wanted <= _AIMING.far:
-            after.append(self._toward(finely, wanted))
-        other = self._toward(self._rungs, wanted)
-        aside = _AIMING.near if self._given else -_AIMING.close
-        after.append(other if other.n_colors == self._palettes.most else self._toward(self._rungs, wanted + aside))
-        # A number of colors and the next may be far from each other.
-        reaching = [one for one in self._found if self._result(one) >= wanted]
-        after += [self._toward(self._finely(min(reaching, key=self._result).n_colors), wanted)] if reaching else []
-        return next((one for one in after if one not in self._found), None)
-
-    def _begun(self) -> _Rung:
-        """Return the rung to begin with, as mappings with few matches tell."""
-        given, last = self._given, self._rungs[-1]
-        rung = self._at(self._rungs, self._how.quality_range[1] + _AIMING.close / 2) if given else last
-        seen = self._result(rung) if given and rung == last else self._trial(rung)
-        self._palettes.expect(rung, seen)
-        wanted = self.least() + given * _AIMING.close / 2
-        if given and abs(seen - wanted) <= _AIMING.near:
-            return rung
-        first, rung = rung.n_colors, self._at(self._rungs, wanted)
-        if given and rung.n_colors != first:
-            number = int(min(max(rung.n_colors, first / _AIMING.others), first * _AIMING.others, self._palettes.most))
-            rung = rung if number == rung.n_colors else self._rungs[0]._replace(n_colors=number)
-        for _ in range(int(abs(seen - wanted) > _AIMING.far) if given else _AIMING.n_usual):
-            missed = 0.0 if rung in self._tried else abs(self._trial(rung) - wanted)
-            rung = self._toward(self._rungs, wanted)
-            if missed <= _AIMING.near:
-                break
-        return rung
+                setting = self._following(least + (most_above - most_below) / 2)
+            if self._given and max(map(self._seen, self._whole)) < least:
+                self._mapped(self._settings[-1])
+        return min((trial.result for trial in self._whole.values()), key=lambda one: _miss(one.content_quality, least))
 
     def least(self) -> float:
         """Return the least quality to reach: the given or the usual one, or what is `below_best` under the best."""
         if self._given:
             return self._how.quality_range[1]
-        return min(_AIMING.same, self._tried[self._rungs[-1]] + self._above - _AIMING.below_best)
+        return min(_AIMING.same, self._seen(self._settings[-1]) - _AIMING.below_best)
 
-    def _finely(self, n_colors: int) -> list[_Rung]:
-        """Return the rungs of a number of colors: high prices, strengths of diffusion, and lower prices."""
+    def _begun(self) -> _Setting:
+        """Return the setting to begin with, as the sample tells."""
+        if not self._given:
+            setting = self._settings[-1]
+            self._palettes.expect(setting, self._sampled(setting))
+            setting = self._at(self._settings, self.least())
+            for _ in range(_AIMING.n_usual):
+                missed = 0.0 if setting in self._trials else abs(self._sampled(setting) - self.least())
+                setting = self._toward(self._settings, self.least())
+                if missed <= _AIMING.near:
+                    break
+            return setting
+        wanted = self.least() + _AIMING.close / 2
+        first = self._at(self._settings, wanted)
+        quality = self._mapped(first) if first == self._settings[-1] else self._sampled(first)
+        self._palettes.expect(first, quality)
+        if abs(quality - wanted) <= _AIMING.near:
+            return first
+        setting = self._at(self._settings, wanted)
+        if setting.n_colors not in (first.n_colors, self._palettes.most):
+            setting = self._at(self._settings, wanted + _AIMING.near)
+        least, most = first.n_colors / _AIMING.others, min(first.n_colors * _AIMING.others, self._palettes.most)
+        number = int(min(max(setting.n_colors, least), most))
+        return setting if number == setting.n_colors else self._settings[0]._replace(n_colors=number)
+
+    def _following(self, wanted: float) -> _Setting | None:
+        """Return the setting to try next, if one is left."""
+        # Figures jump among palettes of other numbers, so these are to be better than what is wanted. Dearer bits lower
+        # that by some points, for fewer bytes than less colors; cheaper ones hardly raise it, where colors are few.
+        misses = {setting: self._seen(setting) - wanted for setting in self._whole}
+        reaching = [setting for setting, miss in misses.items() if miss >= 0]
+        other = self._toward(self._settings, wanted)
+        if other.n_colors != self._palettes.most:
+            other = self._toward(self._settings, wanted + (_AIMING.near if self._given else -_AIMING.close))
+        following = [other]
+        if reaching:
+            best = min(reaching, key=misses.__getitem__)
+            lowered = self._toward(self._finely(best.n_colors), wanted)
+            is_near = misses[best] <= _AIMING.far or len(reaching) < len(misses)
+            following = [lowered, other] if is_near else [other, lowered]
+        return next((setting for setting in following if setting not in self._whole), None)
+
+    def _finely(self, n_colors: int) -> list[_Setting]:
+        """Return the settings of a number of colors: high prices, strengths of diffusion, and lower prices."""
         free, *prices = self._prices
         dear = np.geomspace(_AIMING.dearer * free, free, 50)[:-1].tolist() if self._given else []
-        rungs = [_Rung(n_colors, free, strength) for strength in self._strengths]
+        settings = [_Setting(n_colors, free, strength) for strength in self._strengths]
         return [
-            *(rungs[0]._replace(price=price) for price in dear), *rungs,
-            *(rungs[-1]._replace(price=price) for price in prices),
+            *(settings[0]._replace(price=price) for price in dear), *settings,
+            *(settings[-1]._replace(price=price) for price in prices),
         ]  # fmt: skip
 
-    def _at(self, rungs: list[_Rung], place: float) -> _Rung:
-        """Return the first rung of at least this expected quality, or the last one."""
-        return rungs[min(bisect_left(rungs, place, key=self._palettes.expected), len(rungs) - 1)]
+    def _at(self, settings: list[_Setting], quality: float) -> _Setting:
+        """Return the first setting of at least this expected quality, or the last one."""
+        return settings[min(bisect_left(settings, quality, key=self._palettes.expected), len(settings) - 1)]
 
-    def _toward(self, rungs: list[_Rung], wanted: float) -> _Rung:
-        """Return the rung where the qualities that were seen, of these rungs if so, come to another."""
-        tried = {rung: quality + self._above for rung, quality in self._tried.items()}
-        seen = {**tried, **{rung: float(result.content_quality) for rung, result in self._found.items()}}
-        alike = {rung: seen[rung] for rung in rungs if rung in seen}
-        places = {self._palettes.expected(rung): quality for rung, quality in (alike or seen).items()}
-        at = rungs.index(self._at(rungs, toward(wanted, places)))
-        return rungs[at - (at > 0 and seen.get(rungs[at], 0) > wanted)]
+    def _toward(self, settings: list[_Setting], wanted: float) -> _Setting:
+        """Return the setting where the qualities that were seen, of these settings if so, come to another."""
+        seen = {setting: self._seen(setting) for setting in self._trials}
+        alike = {setting: seen[setting] for setting in settings if setting in seen}
+        places = {self._palettes.expected(setting): quality for setting, quality in (alike or seen).items()}
+        at = settings.index(self._at(settings, toward(wanted, places)))
+        return settings[at - (at > 0 and seen.get(settings[at], 0) > wanted)]
 
-    def _result(self, rung: _Rung) -> float:
-        if rung not in self._found:
-            self._found[rung] = _seen(self._source, self._palettes.mapped(self._source, *rung))
-            if self._tried:
-                place = self._palettes.expected
-                near = min(self._tried, key=lambda tried: abs(place(tried) - place(rung)))
-                self._above = float(self._found[rung].content_quality) - (self._tried[near] + place(rung) - place(near))
-        return float(self._found[rung].content_quality)
+    @property
+    def _whole(self) -> dict[_Setting, _Trial]:
+        return {setting: trial for setting, trial in self._trials.items() if trial.result is not None}
 
-    def _trial(self, rung: _Rung) -> float:
-        if self._how.rate.coder == "lzw":  # of which few paths tell little
-            return self._result(rung)
-        result = self._palettes.mapped(self._sample, *rung, n_matches=_AIMING.trial_matches)
-        self._tried[rung] = self._sample.quality(result)
-        return self._tried[rung] + self._above
+    def _seen(self, setting: _Setting) -> float:
+        trial = self._trials[setting]
+        return trial.quality if trial.result is not None else trial.quality + self._bias
+
+    def _mapped(self, setting: _Setting) -> float:
+        """Map the whole, and return its quality."""
+        if setting not in self._whole:
+            result, expected = self._palettes.mapped(self._source, *setting), self._palettes.expected
+            quality = self._source.quality(result)
+            if sampled := self._trials.keys() - self._whole.keys():
+                near = min(sampled, key=lambda some: abs(expected(some) - expected(setting)))
+                self._bias = quality - (self._trials[near].quality + expected(setting) - expected(near))
+            self._trials[setting] = _Trial(quality, replace(result, content_quality=quality))
+        return self._seen(setting)
+
+    def _sampled(self, setting: _Setting) -> float:
+        """Map the sample with few matches, and return its quality; of LZW few paths tell little."""
+        if self._sample is self._source or self._how.rate.coder == "lzw":
+            return self._mapped(setting)
+        result = self._palettes.mapped(self._sample, *setting, n_matches=_AIMING.trial_matches)
+        self._trials[setting] = _Trial(self._sample.quality(result))
+        return self._seen(setting)
 
 
 class _Palettes:
@@ -586,16 +605,16 @@ class _Palettes:
         energy, n_pixels = np.sum([(one.energies[: n_merges + 1][-1], one.n_pixels) for one in self._merged], axis=0)
         return float((255**2 * energy / n_pixels) ** _AIMING.power)
 
-    def expected(self, rung: _Rung) -> float:
+    def expected(self, setting: _Setting) -> float:
         """Return the quality that is expected of a number of colors, at a price of bits and a strength of diffusion."""
-        price = rung.price ** (_AIMING.power_of_phrases if self._how.rate.coder == "lzw" else 1)
+        price = setting.price ** (_AIMING.power_of_phrases if self._how.rate.coder == "lzw" else 1)
         paid = _AIMING.points_by_price * price * math.log2(self.most)
-        lost = self._unlike * math.hypot(_AIMING.points_by_error * self._error(rung.n_colors), paid)
-        return _AIMING.points - lost * (1 + _AIMING.share_by_strength * (COMPACT_STRENGTH - rung.strength))
+        lost = self._unlike * math.hypot(_AIMING.points_by_error * self._error(setting.n_colors), paid)
+        return _AIMING.points - lost * (1 + _AIMING.share_by_strength * (COMPACT_STRENGTH - setting.strength))
 
-    def expect(self, rung: _Rung, seen: float) -> None:
+    def expect(self, setting: _Setting, seen: float) -> None:
         """Expect a loss of the usual times a factor, by which the quality seen would have been expected."""
-        usual = (_AIMING.points - self.expected(rung)) / self._unlike
+        usual = (_AIMING.points - self.expected(setting)) / self._unlike
         ratio = (_AIMING.points - seen) / max(usual, 1e-9)
         self._unlike = min(max(ratio, 1 / _AIMING.most_unlike), _AIMING.most_unlike)
 

@@ -140,7 +140,7 @@ def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
     [
         ("a.gpl", b"", "is empty"),
         ("a.gpl", b"GIMP Palette\nName: x\n", "has no colors"),
-        ("a.gpl", b"GIMP Palette\n1 2 x\n", "has a line '1 2 x', which must begin with 3 numbers"),
+        ("a.gpl", b"GIMP Palette\n1 2 x\n", "has a line '1 2 x', which must begin with 3 or 4 numbers"),
         ("a.gpl", b"GIMP Palette\n1 2\n", r"has a color \(1, 2\), which must be three or four"),
         ("a.gpl", b"GIMP Palette\n1 2 256\n", r"has a color \(1, 2, 256\)"),
         ("a.hex", b"ffffff\n12345\n", "has a color '12345', which must be like #rrggbb"),
@@ -164,7 +164,7 @@ def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
         ("a.txt", b"; only\n; comments", "has no colors"),
         ("a.txt", b"FF11223", "has a color 'FF11223'"),
         ("a.pal", b"JASC", "is not a JASC or RIFF palette"),
-        ("a.pal", b"JASC-PAL\n0100\n1\n1 2 x", "has a line that is not three or four numbers"),
+        ("a.pal", b"JASC-PAL\n0100\n1\n1 2 x", "has a line .1 2 x., which must begin with 3 or 4 numbers"),
     ],
 )
 def test_a_file_that_is_no_palette_is_named_with_the_reason(

@@ -54,7 +54,7 @@ def test_a_quality_is_reached_in_five_mappings_and_not_much_more_and_less_gives_
         sizes.append(n_bytes(result))
     assert max(n_mappings[1:]) <= 5  # of few colors each is a step of some points
     assert sizes[0] < sizes[1] < 0.9 * sizes[2]
-    monkeypatch.setattr(driver, "_AIMING", driver._AIMING._replace(n_trials=1))  # more until it is reached
+    monkeypatch.setattr(driver, "_AIMING", driver._AIMING._replace(n_most=1))  # more until it is reached
     assert cvtimg.quantize(PART, quality=45, **FAST).quality >= 45
 
 

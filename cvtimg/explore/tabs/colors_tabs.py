@@ -35,7 +35,7 @@ from cvtimg.explore.opened import N_CURVE, SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, Request, Tab, all_of, missing, reading
 from cvtimg.options.common import color_bits
-from cvtimg.palettes.known import known_palettes
+from cvtimg.palettes.files import known_palettes
 from cvtimg.pictures import Frames
 from cvtimg.quantization import Quantized, QuantizedSeries, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH

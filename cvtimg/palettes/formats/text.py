@@ -24,6 +24,13 @@ def _lines(*lines: str, end: str = "\n") -> bytes:
     return "".join(line + end for line in lines).encode("utf-8", "replace")
 
 
+def _numbers(words: list[str]) -> tuple[int, ...]:
+    try:
+        return tuple(map(int, words))
+    except ValueError:
+        raise UnfitContentError(f"has a line {' '.join(words)[:40]!r}, which must begin with 3 or 4 numbers") from None
+
+
 def read_gpl(content: bytes) -> Bytes:
     """Read a GIMP palette (.gpl), as Inkscape, Krita and Aseprite write them too; alpha may be in color names."""
     lines = lines_of(content)
@@ -35,10 +42,7 @@ def read_gpl(content: bytes) -> Bytes:
         if line.startswith(("#", "Name:", "Columns:", "Channels:")):
             continue
         words = line.split(maxsplit=n_bands)
-        try:
-            colors.append(tuple(int(word) for word in words[:n_bands]))
-        except ValueError:
-            raise UnfitContentError(f"has a line {line[:40]!r}, which must begin with {n_bands} numbers") from None
+        colors.append(_numbers(words[:n_bands]))
         names.append(words[n_bands] if len(words) > n_bands else "")
     return as_palette(with_named_alpha(colors, names))
 
@@ -61,12 +65,7 @@ def read_jasc(content: bytes) -> Bytes:
     lines = lines_of(content)
     if not lines or lines[0].strip() != "JASC-PAL":
         raise UnfitContentError("is not a JASC or RIFF palette: its first line must be 'JASC-PAL'")
-    try:
-        return as_palette([int(word) for word in line.split()] for line in lines[3:])
-    except ValueError as error:
-        if isinstance(error, UnfitContentError):
-            raise
-        raise UnfitContentError("has a line that is not three or four numbers") from None
+    return as_palette(_numbers(line.split()) for line in lines[3:])
 
 
 def write_jasc(swatches: Swatches) -> bytes:
