@@ -370,7 +370,7 @@ def test_help_imports_nothing_heavy(here: Path, arguments: list[str]) -> None:
 def test_quantize_imports_no_more_than_it_needs(here: Path) -> None:
     modules = modules_of("quantize", PICTURE, "-k", "4", "--quiet", cwd=here)
     assert "numpy" in modules
-    foreign = {"rich", "pydantic", "scipy", "sklearn", "skimage", "matplotlib", "html", "numpy.random"}
+    foreign = {"rich", "pydantic", "scipy", "sklearn", "skimage", "matplotlib", "html"}
     own = {"plotting.sheets", "cli.segment_command", "engine.all_counts", "engine.block_descent", "palettes.files"}
     assert not modules & {*foreign, *(f"cvtimg.{name}" for name in own)}
 

@@ -54,14 +54,6 @@ def test_similar_colors_are_near_each_other(photograph: Array) -> None:
     assert step < 0.1 * np.linalg.norm(np.diff(shuffled, axis=0), axis=1).mean()
 
 
-def test_a_pillow_image_and_a_strided_view_are_images_too(photograph: Array) -> None:
-    expected = color_samples(photograph[::2, ::-3].copy())
-    for image in (photograph[::2, ::-3], Image.fromarray(photograph[::2, ::-3].copy())):
-        samples = color_samples(image)
-        np.testing.assert_array_equal(samples.colors, expected.colors)
-        np.testing.assert_array_equal(samples.inverse, expected.inverse)
-
-
 def test_the_image_stays_as_it_was_and_results_cannot_be_changed(photograph: Array) -> None:
     before = photograph.copy()
     samples = color_samples(photograph)

@@ -14,7 +14,7 @@ import pytest
 import shapely
 from reference import ring
 from relations.relation import Relation, close, quick_and_wide
-from relations.remembering import remembered
+from relations.remembering import beside, remembered
 from relations.test_objects import not_fewer
 
 from cvtimg import mesh_region
@@ -133,15 +133,8 @@ RELATIONS = [
         )
         for suffix in FILES
     ),
-    Relation(
-        "mesh_region",
-        "Triangle's least angle",
-        smooth,
-        least_angle,
-        lambda points: points,
-        not_fewer,
-        since="2026-11-27",
-        rival=least_angle_of_triangle,
+    beside(
+        "mesh_region", "Triangle's least angle", smooth, least_angle, least_angle_of_triangle, not_fewer, "2026-11-27"
     ),
 ]
 test_a_result_follows_its_input, test_a_result_follows_any_input = quick_and_wide(RELATIONS)

@@ -10,7 +10,7 @@ import PIL.Image
 import pytest
 from reference import of_three_threads, same_partition
 from relations.relation import Relation, close, equal, quick_and_wide
-from relations.remembering import remembered
+from relations.remembering import beside, remembered
 from skimage.filters import gaussian
 
 import cvtimg
@@ -154,16 +154,7 @@ RELATIONS = (
         if (verb, change, inputs) not in EXCEPT
     ]
     + [
-        Relation(
-            verb,
-            change,
-            color_picture,
-            result,
-            moved,
-            close(5e-3),
-            since="2026-11-28",
-            because="descents end elsewhere",
-        )
+        Relation(verb, change, color_picture, result, moved, close(5e-3), "2026-11-28", "descents end elsewhere")
         for verb, result in ((verb, remembered(result)) for verb, result in OF_COLORS.items())
         for change, moved in OF_PLACES.items()
     ]
@@ -180,16 +171,7 @@ RELATIONS = (
         }.items()
     ]
     + [
-        Relation(
-            verb,
-            "three threads",
-            color_picture,
-            result,
-            lambda image: image,
-            equal,
-            since="2026-11-28",
-            rival=of_three_threads(result),
-        )
+        beside(verb, "three threads", color_picture, result, of_three_threads(result))
         for verb, (result, _) in OF_HOLES.items()
     ]
     + [

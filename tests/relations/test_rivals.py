@@ -9,7 +9,8 @@ import numpy as np
 import PIL.Image
 import trimesh
 from reference import of_three_threads
-from relations.relation import Relation, equal, not_above, quick_and_wide
+from relations.relation import not_above, quick_and_wide
+from relations.remembering import beside
 from relations.test_pictures import color_picture
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
@@ -129,13 +130,9 @@ _RIVALS: list[tuple[str, str, Any, Any, Any]] = [
         energy_on_torus(random_on_torus),
     ),
 ]
-RELATIONS = [
-    Relation(verb, change, inputs, result, lambda given: given, not_above(), since="2026-11-28", rival=rival)
-    for verb, change, inputs, result, rival in _RIVALS
-] + [
-    Relation(
-        verb, "three threads", cube, result, lambda given: given, equal, "2026-11-28", rival=of_three_threads(result)
-    )
+RELATIONS = [beside(*row, not_above()) for row in _RIVALS]
+RELATIONS += [
+    beside(verb, "three threads", cube, result, of_three_threads(result))
     for verb, _, inputs, result, _ in _RIVALS
     if inputs is cube
 ]

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
-from relations.relation import Relation, quick_and_wide
+from relations.relation import quick_and_wide
+from relations.remembering import beside
 from relations.test_pictures import color_picture, gray_picture
 
 import cvtimg
@@ -73,6 +74,10 @@ def half_seen(rng: np.random.Generator) -> Indexed:
     indices, colors = opaque(rng, 4)
     colors[0, 3] = 10
     return indices, colors
+
+
+def colored(indexed: Indexed) -> Bytes:
+    return indexed[1][indexed[0]]
 
 
 def write_indexed(path: Path, indexed: Indexed) -> None:
@@ -178,18 +183,15 @@ def same(before: Array, after: Array) -> None:
 
 
 RELATIONS = [
-    Relation(verb, change, inputs, lambda content: content, lambda content: content, same, "2026-11-28", rival=result)
-    for verb, change, inputs, result in _FILES
+    beside(verb, change, inputs, lambda content: content, result, same) for verb, change, inputs, result in _FILES
 ] + [
-    Relation(
+    beside(
         "read_image",
         f"{suffix}, indexed, {inputs.__name__}",
         inputs,
-        lambda indexed: indexed[1][indexed[0]],
-        lambda indexed: indexed,
+        colored,
+        again(write_indexed, cvtimg.read_image, f"a{suffix}"),
         same,
-        "2026-11-28",
-        rival=again(write_indexed, cvtimg.read_image, f"a{suffix}"),
     )
     for inputs, suffixes in {
         opaque: (".png", ".tif", ".tiff", ".webp", ".gif", ".bmp", ".ppm", ".npy"),

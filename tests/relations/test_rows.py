@@ -10,6 +10,7 @@ import numpy as np
 from dask import array as da
 from reference import of_three_threads
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
+from relations.remembering import beside
 from sklearn.cluster import KMeans
 
 from cvtimg import energy_curve, tessellate
@@ -150,7 +151,7 @@ RELATIONS = [
     for change, changed in _OF_CURVES.items()
 ]
 RELATIONS += [
-    Relation("tessellate", change, tables, of_blocks, lambda rows: rows, equal, "2026-11-28", rival=resumed(stops))
+    beside("tessellate", change, tables, of_blocks, resumed(stops))
     for change, stops in {
         "stopped and resumed": lambda path, _: path.exists(),
         "stopped in the search and resumed": lambda _, step: step > 0,

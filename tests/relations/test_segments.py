@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from reference import same_partition
 from relations.relation import Relation, close, equal, quick_and_wide
-from relations.remembering import remembered
+from relations.remembering import beside, remembered
 from relations.test_pictures import color_picture, gray_picture
 
 from cvtimg import segment, superpixels
@@ -91,6 +91,14 @@ def hardly_fewer(drawn: Image, labels: Image) -> None:
     assert same_partition(drawn, labels) >= 0.9
 
 
+def twenty(image: Image) -> Image:
+    return superpixels(image, 20).labels
+
+
+def turned_alike(before: Image, after: Image) -> None:
+    assert same_partition(before, np.rot90(after, -1)) == 1
+
+
 _HELD: dict[str, tuple[Callable[[Image], Image], Callable[[Image], Image]]] = {
     "mirrored": (lambda image: image[:, ::-1], lambda labels: labels[:, ::-1]),
     "upside down": (lambda image: image[::-1], lambda labels: labels[::-1]),
@@ -126,24 +134,14 @@ RELATIONS = [
         )
         for axis, name in enumerate(("planes", "rows", "columns"))
     ),
-    Relation(
+    beside(
         "segment",
         "its own output",
         drawing,
         lambda drawn: drawn[1],
-        lambda drawn: drawn,
+        lambda drawn: segment(drawn[1], drawn[0]).labels,
         hardly_fewer,
-        since="2026-11-28",
-        rival=lambda drawn: segment(drawn[1], drawn[0]).labels,
     ),
-    Relation(
-        "superpixels",
-        "turned",
-        color_picture,
-        lambda image: superpixels(image, 20).labels,
-        np.rot90,
-        lambda before, after: np.testing.assert_equal(same_partition(before, np.rot90(after, -1)), 1),
-        **_TOLD,
-    ),
+    Relation("superpixels", "turned", color_picture, twenty, np.rot90, turned_alike, **_TOLD),
 ]
 test_segments_follow_their_image, test_segments_follow_any_image = quick_and_wide(RELATIONS)

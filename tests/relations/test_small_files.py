@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import PIL.Image
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
+from relations.remembering import beside
 from relations.test_pictures import gray_picture
 
 import cvtimg
@@ -96,25 +97,16 @@ def on_canvas(pixels: Pixels) -> Pixels:
     return np.pad(pixels, ((160, 192), (192, 160), (0, 0)), "edge")
 
 
-def same(pixels: Pixels) -> Pixels:
-    """Return a picture as it is."""
-    return pixels
-
-
 TOLD, PHOTOGRAPH = "2026-11-27", partial(gray_picture, shape=(64, 64))
 RELATIONS = [
     Relation("quantize for eyes", "other colors of clear pixels", logo, shown, repainted, equal, TOLD),
     Relation("info", "other colors of clear pixels", logo, told, repainted, equal, "2026-11-28"),
     *(
-        Relation(
-            "quantize_file", f"a {suffix}", opaque, file_of, same, equal, TOLD, "", partial(file_of, suffix=suffix)
-        )
+        beside("quantize_file", f"a {suffix}", opaque, file_of, partial(file_of, suffix=suffix), since=TOLD)
         for suffix in (".webp", ".bmp", ".tif")
     ),
-    Relation(
-        "quantize_file", "its own output", opaque, fed_back, same, not_above(), TOLD, "", lambda a: len(file_of(a))
-    ),
-    Relation("quantize_file", "the file", PHOTOGRAPH, lambda a: len(file_of(a)), same, not_above(), TOLD, "", lossless),
+    beside("quantize_file", "its own output", opaque, fed_back, lambda a: len(file_of(a)), not_above(), TOLD),
+    beside("quantize_file", "the file", PHOTOGRAPH, lambda a: len(file_of(a)), lossless, not_above(), TOLD),
     Relation("content_quality", "a canvas", lambda rng: on_canvas(opaque(rng)), loss, on_canvas, close(1e-6), TOLD),
     Relation("content_quality", "three equal bands", PHOTOGRAPH, loss, lambda a: np.dstack([a] * 3), close(1e-3), TOLD),
 ]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from conftest import SAMPLES
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
-from relations.remembering import remembered
+from relations.remembering import beside, remembered
 from scipy.ndimage import median_filter
 from skimage.filters import gaussian
 
@@ -61,10 +61,6 @@ def error_of(image: Array, case: Case) -> float:
 def each(change: Any) -> Any:
     """Return what changes all versions."""
     return lambda case: (case[0], [change(version) for version in case[1]])
-
-
-def as_it_is(case: Case) -> Case:
-    return case
 
 
 def reversed_bands(case: Case) -> Case:
@@ -196,7 +192,7 @@ RELATIONS = [
     Relation(
         "denoise", "a dark frame", spoiled(2), error_either_way, with_dark, close(0.01), LATER, "sums are rounded"
     ),
-    Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
+    beside("denoise", "16 bits", ONE, restored, as_shorts, close(0, 2.0), SINCE, "8 bits are rounded"),
     Relation("denoise", "turned", ONE, error, turned, close(0.03), LATER, "other patches are alike"),
     Relation(
         "restore",
@@ -208,24 +204,11 @@ RELATIONS = [
         LATER,
         "means are rounded",
     ),
-    Relation(
-        "restore",
-        "few pixels: themselves",
-        of_few_pixels,
-        error_either_way,
-        as_it_is,
-        not_above(1.05),
-        LATER,
-        "means are rounded",
-        error_of_mean,
-    ),
+    beside("restore", "few pixels: themselves", of_few_pixels, error_either_way, error_of_mean, not_above(1.05)),
     Relation(
         "denoise", "a hot pixel", ONE, error_of_floats, each(with_hot_pixel), close(0.3), LATER, "passes fill it first"
     ),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
     Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, but_for_ties, LATER),
-] + [
-    Relation(verb, change, inputs, result, as_it_is, not_above(share), SINCE, rival=rival)
-    for verb, change, inputs, result, rival, share in _RIVALS
-]
+] + [beside(*row, not_above(share), SINCE) for *row, share in _RIVALS]
 test_a_result_follows_its_input, test_a_result_follows_any_input = quick_and_wide(RELATIONS)
