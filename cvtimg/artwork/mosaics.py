@@ -1,7 +1,5 @@
 """Mosaics: an image as convex tiles of one color each, placed so that the mosaic is as like the image as can be."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

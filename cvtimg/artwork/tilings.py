@@ -6,8 +6,6 @@ descent moves points only a little at a time; so a cell in a flat part of the im
 and then relocated to where a cell is worth dividing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

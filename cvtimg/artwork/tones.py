@@ -4,8 +4,6 @@ Eyes average light, so coverage is computed in linear light: ink that covers a s
 its light. Paper is whatever is white, transparent or masked.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from typing import Any

@@ -1,7 +1,5 @@
 """Short tours through points, so that a pen plotter travels little between its marks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

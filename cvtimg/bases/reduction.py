@@ -1,7 +1,5 @@
 """Reduced bases: few modes in which many snapshots, and others like them, are nearly contained."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast

@@ -6,8 +6,6 @@ over a black and over a white background. So an invisible color costs nothing, a
 other as without alpha.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Equal distances look about equally different in lab and oklab; in linear light m
 lenses make; rgb, the default, is what files hold and what squared error and PSNR measure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

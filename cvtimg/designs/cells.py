@@ -3,8 +3,6 @@
 Walls are made by mirror images, and the torus by copies.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Points moved to the centers of mass of their cells in the unit cube, plain or Latin, by samples or exactly."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass

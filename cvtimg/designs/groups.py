@@ -1,7 +1,5 @@
 """Points divided into groups, each as even as it can be: runs with the same category."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

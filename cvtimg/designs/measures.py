@@ -6,8 +6,6 @@ which is often the value itself: P. Winker, K.-T. Fang, SIAM J. Numerical Analys
 doi 10.1137/S0036142995286076.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ the borders. Merging regions of n_a and n_b pixels whose means are d apart raise
 n_a n_b / (n_a + n_b) d^2 and saves the border between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ junction, or around a ring without one, and belongs to the two regions beside it
 simplification, act on each line once; polygons are then assembled from lines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

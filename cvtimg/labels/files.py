@@ -1,7 +1,5 @@
 """Labels and tables of regions on disk; each file appears whole or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from colorsys import hsv_to_rgb
 from pathlib import Path

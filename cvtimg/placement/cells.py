@@ -1,7 +1,5 @@
 """Voronoi cells as polygons, their exact moments, and how regular they are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """Densities: how much each place of a region counts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias

@@ -8,8 +8,6 @@ Limited-memory BFGS: D. C. Liu, J. Nocedal, On the limited memory BFGS method fo
 Programming 45 (1989) 503-528, doi 10.1007/BF01589116.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial

@@ -1,7 +1,5 @@
 """Functions of space that are negative inside, and the regions where they are."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

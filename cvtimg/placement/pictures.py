@@ -1,7 +1,5 @@
 """Placement in an image: from a start along a curve, over coarser levels, to the image itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

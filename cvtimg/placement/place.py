@@ -1,7 +1,5 @@
 """Placement of generators in any region: what is asked for decides how cells are integrated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Regions of space that generators are placed in; and boxes, some of whose sides may be periodic."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """Segments drawn over their image, and as polygons. Functions take arrays and return them; nothing is written."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parts of grids: the sea without land, and limited areas with layers of relaxation along their boundary."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

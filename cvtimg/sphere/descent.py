@@ -1,7 +1,5 @@
 """How points of the sphere move to the centers of mass of their cells, while edges of their triangulation flip."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from itertools import count

@@ -1,7 +1,5 @@
 """Grids of the sphere, of any number of points and any density."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

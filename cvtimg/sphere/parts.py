@@ -1,7 +1,5 @@
 """Parts of the sphere: caps, boxes, the land of the earth, and what else tells points inside from others."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A grid of the sphere as a value, and how good it is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 

@@ -1,7 +1,5 @@
 """Sizes of cells in kilometers on the earth: how wide cells are, and how many points that takes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Radii of the supports of meshless methods."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Contours as GeoJSON: polygons for GIS programs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, groupby

@@ -1,7 +1,5 @@
 """Contours as a set of regions of interest: the ROI Manager of ImageJ and Fiji opens it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any

@@ -1,7 +1,5 @@
 """Contours as SVG: drawings for browsers, vector editors and plotters."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 

@@ -1,7 +1,5 @@
 """Files of grids of the sphere."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO

@@ -1,7 +1,5 @@
 """Grids as netCDF, in the classic format with 64-bit offsets, which every library reads: MPAS, UGRID and SCRIP."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial

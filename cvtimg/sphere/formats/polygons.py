@@ -1,7 +1,5 @@
 """Voronoi cells as polygons: GeoJSON for maps, VTU for views in space."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import BinaryIO, TypeAlias
