@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MOST_IN_MEMORY
 from cvtimg._shared.checks import (
     check_at_least,
     check_channels,
@@ -53,8 +54,8 @@ _FEW = 64
 #: Part of the time until the descent starts.
 _STARTED = 0.2
 SHAPES = tuple(_UNIFORM)
-#: Parts of a pixel of a drawing, each way, and the most parts of a whole drawing.
-_FINE, _MOST_PARTS = 3, 1 << 26
+#: Parts of a pixel of a drawing, each way: with more, edges are smoother than 8 bits tell.
+_FINE = 3
 #: Color of lines between tiles.
 _LINES = "#202020"
 #: Tiles that share a border let the background shine through, as renderers smooth each edge on its own. So opaque
@@ -140,7 +141,7 @@ class Mosaic(ReadOnly):
         from PIL import Image, ImageDraw
 
         size = np.array([max(round(side * scale), 1) for side in self.labels.shape])
-        fine = int(np.clip(np.sqrt(_MOST_PARTS / size.prod()), 1, _FINE))
+        fine = int(np.clip(np.sqrt(MOST_IN_MEMORY / size.prod()), 1, _FINE))
         factors = fine * size[::-1] / self.labels.shape[::-1]
         if self.triangles is None:
             labels = pixel_labels(tuple(fine * size), factors * self.points)

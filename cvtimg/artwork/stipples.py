@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.budgets import MOST_IN_MEMORY
 from cvtimg._shared.checks import check_choice, check_non_negative, check_positive, check_that
 from cvtimg._shared.choices import Row
 from cvtimg._shared.records import Claims, ReadOnly
@@ -26,8 +27,8 @@ from cvtimg.placement.cells import Polygons, picture_cells
 
 #: Lines in a row of pixels by which its coverage is measured.
 _FINE = 8
-#: Pixels between dots in a drawing by default, and the most pixels of one.
-_SPACING, _MOST_PIXELS = 8.0, 1 << 25
+#: Pixels between dots in a drawing by default: with more, it is larger and no clearer.
+_SPACING = 8.0
 _BYTE = np.dtype(np.uint8)
 MARKS = ("disks", "circles", "points", "line")
 FILLS = ("solid", "spiral")
@@ -37,8 +38,14 @@ _LINE, _CELL_LINE = 0.3, 0.1
 _OFF = 0.02
 #: Half a diagonal of points, in widths of the pen: a pen that goes no way at all may make no dot.
 _POINT = 0.05
-#: Area that the pen covers for a point, in squared widths of the pen.
-_COVERED = np.pi / 4 + 2**1.5 * _POINT + 2 * _POINT**2
+#: Widths and heights of sheets in millimeters, upright: those of ISO 216, and American ones.
+PAPERS = {f"a{n}": (1000 // 2 ** (n / 2 + 1 / 4), 1000 // 2 ** (n / 2 - 1 / 4)) for n in range(2, 7)} | {
+    "letter": (215.9, 279.4),
+    "legal": (215.9, 355.6),
+    "tabloid": (279.4, 431.8),
+}
+#: Width of a drawing where neither it nor the paper is known, and the margin on paper, in millimeters.
+USUAL_WIDTH, USUAL_MARGIN = 200.0, 10.0
 
 
 def suffixes() -> list[str]:
@@ -126,6 +133,46 @@ def _covered(centers: Floats, radii: Floats, height: int, width: int) -> Floats3
         changes[1:] += sign * np.bincount(at[end], later[end], n_pixels)
     share = changes[:n_pixels].reshape(height, width + 1).cumsum(axis=1)[:, :width] / _FINE
     return np.clip(share, 0, 1).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sheet:
+    """A sheet of paper with a drawing in its middle."""
+
+    size: tuple[float, float]  # width and height
+    corner: Floats  # (2,): where the upper left corner of the drawing lies
+    scale: float  # millimeters per pixel
+
+    @classmethod
+    def of(
+        cls,
+        pixels: tuple[int, int],
+        *,
+        width: float | None = None,
+        height: float | None = None,
+        paper: str | tuple[float, float] | None = None,
+        landscape: bool = False,
+        margin: float | None = None,
+    ) -> Sheet:
+        """Fit a drawing of a height and width in pixels.
+
+        Parameters are as in `Stipples.save`. Without paper, the sheet is as large as the drawing and its margin.
+        """
+        side = np.array(pixels[::-1], np.float64)
+        given = {"width": width, "height": height}
+        wanted = np.array([np.inf if at is None else check_positive(name, at, "in mm") for name, at in given.items()])
+        border = check_non_negative("margin", (USUAL_MARGIN if paper else 0.0) if margin is None else margin)
+        if paper is None:
+            check_that("landscape", not landscape, "have a paper")
+            scale = float(np.min((wanted if np.isfinite(wanted).any() else [USUAL_WIDTH, np.inf]) / side))
+            sheet = scale * side + 2 * border
+        else:
+            named = PAPERS[check_choice("paper", paper.lower(), PAPERS)] if isinstance(paper, str) else paper
+            sheet = np.array([check_positive("paper", at, "in mm") for at in named])
+            sheet = np.sort(sheet)[::-1] if landscape else sheet
+            check_that(f"margin={border:g}", 2 * border < sheet.min(), f"leave room on {sheet[0]:g} x {sheet[1]:g} mm")
+            scale = float((np.minimum(wanted, sheet - 2 * border) / side).min())
+        return cls((float(sheet[0]), float(sheet[1])), (sheet - scale * side) / 2, scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -233,7 +280,7 @@ class Stipples(ReadOnly):
         """Pixels of a drawing per pixel of the image, so that dots can be told apart."""
         area = self.size[0] * self.size[1]
         spacing = np.sqrt(area / max(len(self), 1))
-        return float(min(max(_SPACING / spacing, 1.0), max(np.sqrt(_MOST_PIXELS / area), 1.0)))
+        return float(min(max(_SPACING / spacing, 1.0), max(np.sqrt((MOST_IN_MEMORY // 2) / area), 1.0)))
 
     def save(
         self,
@@ -329,7 +376,8 @@ class Stipples(ReadOnly):
             dots_of_pen = self.order[self.layers[self.order] == pen]
             radii, ink = self.radii[dots_of_pen] * sheet.scale, hexadecimal(self.colors[pen])
             # By default points cover what the dots do.
-            suiting = radii.mean() * np.sqrt(np.pi / _COVERED) if marks == "points" and len(dots_of_pen) else _LINE
+            covered = np.pi / 4 + 2**1.5 * _POINT + 2 * _POINT**2  # by a point, in squared widths of the pen
+            suiting = radii.mean() * np.sqrt(np.pi / covered) if marks == "points" and len(dots_of_pen) else _LINE
             line = suiting if pen_width is None else pen_width
             look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}"'
             look += ' stroke-linecap="round" stroke-linejoin="round"'
@@ -374,58 +422,3 @@ class Stipples(ReadOnly):
         layers = f" in {len(self.colors)} layers" if len(self.colors) > 1 else ""
         radii = f", radius {self.radii.mean():.3g}" if len(self) else ""
         return f"Stipples({len(self)} dots{layers} on {width} x {height}{radii}, max_ink={self.max_ink:.3g})"
-
-
-#: Widths and heights of sheets, upright.
-PAPERS = {
-    "a2": (420.0, 594.0),
-    "a3": (297.0, 420.0),
-    "a4": (210.0, 297.0),
-    "a5": (148.0, 210.0),
-    "a6": (105.0, 148.0),
-    "letter": (215.9, 279.4),
-    "legal": (215.9, 355.6),
-    "tabloid": (279.4, 431.8),
-}
-#: Width of a drawing where neither it nor the paper is known, and the margin on paper.
-USUAL_WIDTH, USUAL_MARGIN = 200.0, 10.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sheet:
-    """A sheet of paper with a drawing in its middle."""
-
-    size: tuple[float, float]  # width and height
-    corner: Floats  # (2,): where the upper left corner of the drawing lies
-    scale: float  # millimeters per pixel
-
-    @classmethod
-    def of(
-        cls,
-        pixels: tuple[int, int],
-        *,
-        width: float | None = None,
-        height: float | None = None,
-        paper: str | tuple[float, float] | None = None,
-        landscape: bool = False,
-        margin: float | None = None,
-    ) -> Sheet:
-        """Fit a drawing of a height and width in pixels.
-
-        Parameters are as in `Stipples.save`. Without paper, the sheet is as large as the drawing and its margin.
-        """
-        side = np.array(pixels[::-1], np.float64)
-        given = {"width": width, "height": height}
-        wanted = np.array([np.inf if at is None else check_positive(name, at, "in mm") for name, at in given.items()])
-        border = check_non_negative("margin", (USUAL_MARGIN if paper else 0.0) if margin is None else margin)
-        if paper is None:
-            check_that("landscape", not landscape, "have a paper")
-            scale = float(np.min((wanted if np.isfinite(wanted).any() else [USUAL_WIDTH, np.inf]) / side))
-            sheet = scale * side + 2 * border
-        else:
-            named = PAPERS[check_choice("paper", paper.lower(), PAPERS)] if isinstance(paper, str) else paper
-            sheet = np.array([check_positive("paper", at, "in mm") for at in named])
-            sheet = np.sort(sheet)[::-1] if landscape else sheet
-            check_that(f"margin={border:g}", 2 * border < sheet.min(), f"leave room on {sheet[0]:g} x {sheet[1]:g} mm")
-            scale = float((np.minimum(wanted, sheet - 2 * border) / side).min())
-        return cls((float(sheet[0]), float(sheet[1])), (sheet - scale * side) / 2, scale)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.budgets import MOST_POINTS
 from cvtimg._shared.checks import (
     check_choice,
     check_count,
@@ -30,7 +31,7 @@ _USUAL_DOTS = 20_000
 #: Colors of pens, of which mixtures of three are looked at.
 _MOST_PENS = 12
 #: Least diameter of dots in pixels, finer than which an image is enlarged, and the most pixels that it then has.
-_FINEST, _MOST_PIXELS = 1.25, 1 << 28
+_FINEST = 1.25
 
 
 def stipple(
@@ -182,7 +183,7 @@ class _Count:
     @classmethod
     def of_ink(cls, coverages: Sequence[Floats32], n_dots: int | None, diameter: float | None) -> _Count:
         """Find how much the image must be enlarged for these dots."""
-        size, largest = coverages[0].size, max(1, math.isqrt(_MOST_PIXELS // coverages[0].size))
+        size, largest = coverages[0].size, max(1, math.isqrt(MOST_POINTS // coverages[0].size))
         n_inked = sum(int(np.count_nonzero(coverage)) for coverage in coverages) or size
         if diameter is not None:
             factor = max(1, math.ceil(_FINEST / diameter))

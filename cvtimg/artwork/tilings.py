@@ -26,8 +26,6 @@ _PARTS = 16
 _STEPS_OF_PIXEL, _STEPS_OF_CELL = 32.0, 2e4
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
 _STEP_OF_SLOPE = 0.75
-#: Side of an equilateral triangle of area 1.
-_TRIANGLE_SIDE = 2 / 3**0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +160,7 @@ def place_corners(density: Floats32, n_triangles: int) -> Floats:
     2 V - 2 - B triangles come.
     """
     height, width = density.shape
-    side = _TRIANGLE_SIDE * np.sqrt(height * width / n_triangles)
+    side = 2 / 3**0.25 * np.sqrt(height * width / n_triangles)  # of equilateral ones
     n_border = int(np.clip(round(2 * (height + width) / side), 4, n_triangles + 2))
     n_border += (n_border - n_triangles) % 2
     n_inner = (n_triangles + 2 - n_border) // 2

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.budgets import MOST_IN_MEMORY
 from cvtimg._shared.checks import check_numbers, check_shape, check_that
 from cvtimg._shared.extras import optional
 from cvtimg._shared.threads import one_blas_thread
@@ -132,7 +133,7 @@ def _of_images(paths: Sequence[Path]) -> Snapshots:
 
 #: Snapshots or values in each, the fewer of them, and values in all, up to which all directions are found: the cost of
 #: at most 2^45 products, some seconds.
-EXACT_RANK, _EXACT_VALUES = 1 << 10, 1 << 25
+EXACT_RANK = 1 << 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +162,7 @@ def sketch(
     """
     whole = min(snapshots.n_snapshots, snapshots.n_dims)
     rank = min(rank, whole)
-    is_exact = whole <= EXACT_RANK and snapshots.n_snapshots * snapshots.n_dims <= _EXACT_VALUES
+    is_exact = whole <= EXACT_RANK and snapshots.n_snapshots * snapshots.n_dims <= MOST_IN_MEMORY // 2
     width, dtype = (whole, np.dtype(np.float64)) if is_exact else (rank, snapshots.dtype)
     directions = rng.standard_normal((snapshots.n_dims, width), np.float32).astype(dtype)
     # Products are taken about a snapshot at first, lest float32 lose what differs beside what all have in common.

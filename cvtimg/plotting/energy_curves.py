@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Numbers of generators at which an image is shown, in addition to the one picked.
-_POWERS = (2, 4, 8, 16, 32, 64)
+_POWERS = tuple(1 << power for power in range(1, 7))
 #: Width of the figure in inches.
 _WIDTH = 8.0
 

@@ -1,8 +1,5 @@
 from .coasts import CoastalGrid as CoastalGrid
 from .coasts import coastal_grid as coastal_grid
-from .culling import PartialGrid as PartialGrid
-from .culling import cull_land as cull_land
-from .culling import limit_area as limit_area
 from .densities import GlobePicture as GlobePicture
 from .densities import Refinement as Refinement
 from .densities import by_spacing as by_spacing
@@ -14,8 +11,11 @@ from .grids import sphere_grid as sphere_grid
 from .nesting import nested_grid as nested_grid
 from .parts import Box as Box
 from .parts import Cap as Cap
+from .parts import PartialGrid as PartialGrid
+from .parts import cull_land as cull_land
 from .parts import earth_coasts as earth_coasts
 from .parts import earth_land as earth_land
+from .parts import limit_area as limit_area
 from .result import GridMeasures as GridMeasures
 from .result import SphereGrid as SphereGrid
 from .result import measure_grid as measure_grid

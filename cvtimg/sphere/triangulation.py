@@ -19,13 +19,11 @@ from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.threads import in_parts, in_stripes
 from cvtimg._shared.types import Bools, Floats, Ints, Points, Triangles
 from cvtimg.engine.samples import along_curve
-from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
+from cvtimg.halfedges import MOST_FLIPS, HalfEdges, find_twins, half_edges_out
 from cvtimg.sphere.densities import SphereDensity
 
 #: Least distance of two points on the unit sphere: doubles cannot tell the convex hull of points that are much nearer.
 LEAST_DISTANCE = 1e-7
-#: Flips at most for each triangle; sound input needs about one.
-_MOST_FLIPS = 100
 #: Steps of the kernels, for each triangle or cell, by which their work is divided among threads.
 WORK = 100
 #: Cells of a stripe, which stay in the cache until their sums are made.
@@ -53,7 +51,7 @@ class SphereTriangulation(HalfEdges):
         wrong = np.empty(self.triangles.size, np.uint8)
         self.points, self._arcs = points, arcs
         n_wrong = counted(partial(_sphere.find_wrong, self, arcs, wrong), len(arcs))
-        if n_wrong and not _sphere.flip(self, arcs, wrong, self.first_edges(), _MOST_FLIPS * len(self.triangles)):
+        if n_wrong and not _sphere.flip(self, arcs, wrong, self.first_edges(), MOST_FLIPS * len(self.triangles)):
             self._build()
         return True
 

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.checks import check_in_range, check_positive, check_shape, check_that, check_values
 from cvtimg._shared.types import Floats, Points
 from cvtimg.sphere.densities import (
@@ -28,10 +29,6 @@ EARTH_RADIUS = 6371.229
 _NEAR = 0.01
 #: The steepest slope of a transition, by the mean one.
 _STEEPEST = 1.5
-#: Places that the number of points is summed over, a few at a time.
-_PLACES, _PARTS = 1 << 19, 8
-#: Hexagons whose neighbors are 1 apart have this area.
-_HEXAGON = np.sqrt(3) / 2
 
 #: What a width may be: km, a function of longitudes and latitudes in degrees, or a map of the globe.
 WidthLike: TypeAlias = "float | Callable[[Any, Any], Any] | ArrayLike"
@@ -119,11 +116,13 @@ class CellWidth:
         self._outside = _outside(width)
         self.is_even = not callable(width) and np.ndim(width) == 0 and not self.circles
         sums, finest = 0.0, np.inf
-        for part in np.array_split(fibonacci(_PLACES), _PARTS):
+        n_places = 4 * ENOUGH_SAMPLES
+        for part in np.array_split(fibonacci(n_places), 8):  # a few at a time
             widths = self.at(part)
             sums, finest = sums + float((widths**-2.0).sum()), min(finest, float(widths.min()))
         self._finest = min([finest, *(circle.width for circle in self.circles)])
-        n_points = round(4 * np.pi * EARTH_RADIUS**2 / _HEXAGON * sums / _PLACES)
+        hexagon = np.sqrt(3) / 2  # the area, of neighbors that are 1 apart
+        n_points = round(4 * np.pi * EARTH_RADIUS**2 / hexagon * sums / n_places)
         near = nearest_twelve(n_points) if self.is_even else n_points
         self.n_points = near if abs(near - n_points) <= _NEAR * n_points else n_points
 
