@@ -51,6 +51,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     passes = passes_of(effort, n_pixels)
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
     kept = suspicion.first_kept(versions, fused) if suspicion else versions
+    del fused  # of large images each takes much memory
     values, weights = fuse(kept, trust)
     estimate = gaussian_filter(values, _BLUR, axes=(0, 1))
     axes = Axes.of(evidence.noise.bands, estimate)

@@ -240,11 +240,10 @@ def filtered(noisy: Noisy, blocks: Sequence[Groups], from_estimate: bool) -> Flo
     for _ in each(range(rounds)):
         # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
         # a filter that weights each pixel by its own noise.
-        change = noisy.precision[:, :, None] * (noisy.values - estimate)
         total, weight = np.zeros_like(estimate), np.zeros_like(noisy.precision)
 
-        def sums_of(number: int, estimate: Floats32 = estimate, change: Floats32 = change) -> tuple[Floats32, Floats32]:
-            return (kept[number] if kept else filters_of(blocks[number])).sums(estimate, change)
+        def sums_of(number: int, estimate: Floats32 = estimate) -> tuple[Floats32, Floats32]:
+            return (kept[number] if kept else filters_of(blocks[number])).sums(noisy, estimate)
 
         for block, (sums, weights) in zip(each(blocks), side_by_side(sums_of, range(len(blocks))), strict=True):
             total[block.bordered] += sums
@@ -302,10 +301,11 @@ class _Filters:
         trust = usual / variances[:, None] / (left + _LEFT)
         return cls(groups, means, matrices, variances, trust.astype(np.float32))
 
-    def sums(self, estimate: Floats32, change: Floats32) -> tuple[Floats32, Floats32]:
+    def sums(self, noisy: Noisy, estimate: Floats32) -> tuple[Floats32, Floats32]:
         """Weighted sums of the filtered patches, and their weights, in the block and its border."""
         groups, size = self.groups, self.means.shape[1]
-        image, own_change = (np.ascontiguousarray(band[groups.bordered]) for band in (estimate, change))
+        image = np.ascontiguousarray(estimate[groups.bordered])
+        own_change = noisy.precision[groups.bordered][:, :, None] * (noisy.values[groups.bordered] - image)
         patches = np.empty((len(groups.order), size), np.float32)
         sums, weights = np.empty_like(image), np.empty(image.shape[:2], np.float32)
         group_of = np.empty([side - 2 * REACH for side in image.shape[:2]], np.int32)

@@ -140,7 +140,7 @@ def read_json(content: bytes) -> Bytes:
     value = json.loads(content)
     entries = value.get("colors") if isinstance(value, dict) else value
     if not isinstance(entries, list):
-        raise UnfitContentError("must have a list of colors, or one called 'colors'")
+        raise UnfitContentError("must have a list of colors, or one called 'colors'; outlines are for cvtimg mesh")
     return as_palette(_json_color(entry) for entry in entries)
 
 

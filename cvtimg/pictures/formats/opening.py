@@ -39,7 +39,7 @@ PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 #: What is said of files that are no images, by suffix.
 _OTHER_FILES = {
     ".csv .tsv .parquet .feather .arrow .xlsx": "is a table and not an image; cvtimg cluster {0} -k auto reads it",
-    ".geojson .json .wkt": "is no image; if it has outlines, cvtimg mesh {0} -o mesh.vtu reads it",
+    ".geojson .json .wkt .wkb": "is no image; if it has outlines, cvtimg mesh {0} -o mesh.vtu reads it",
     ".nc .h5 .hdf": "has arrays by name and is no image; save one of them as .npy or .tif. If it is a grid of the "
     "globe, cvtimg sphere takes it as --parent",
     ".stl .obj .ply .off": "is a surface and not an image; cvtimg surface {0} -n 1000 -o points.ply reads it",
