@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
+from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points, Triangles
 from cvtimg.halfedges import EdgeTable, connected_parts
 from cvtimg.surfaces.triangulation import SurfaceTriangulation, number_edges, unit
 
@@ -25,11 +25,10 @@ class Seen:
     broad: float = 0.9  # meet at this part of the angle at least
     grain: float = 1 / 8  # faces this near to each other that look one way are one there: 1/4 rounds creases off
     coarse: float = 1 / 3  # grains of this size tell where there is only noise:
-    flat: float = (
-        0.6  # where halves of the surface around meet at less than this part of the angle, however they are cut
-    )
-    turns: int = 8  # directions of these halves,
+    flat: float = 0.6  # where halves of the surface around, however cut, meet at less than this part of the angle,
+    turns: int = 8  # in these directions,
     away: float = 0.1  # and no more than this part of it is turned away
+    sure: float = 3.0  # they meet at more by this multiple of the error that noise makes: chance is as far in 1 of 740
     block: int = 1024  # creases looked at at once: more take more memory, up to 1000 grains around each
     corner: float = 40.0  # a curve has a corner where it turns by the angle of creases or, if that is less, by this
     reach: float = 0.5  # over this part of the distance as well: the steps of a scan do not
@@ -39,21 +38,23 @@ class Seen:
 _SEEN = Seen()
 
 
-def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Floats) -> Bools:
+def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Floats, n_faces: int) -> Bools:
     """Tell which half-edges (3 T,) are of features: boundaries, edges of three faces, and creases.
 
     Creases are where faces meet at more than `angle` degrees from flat, and the surfaces on both sides, as far as a
-    distance (N,) of points, nearly do. Those that are not longer in all than a few distances are too small to be seen.
+    distance (N,) of points, nearly do, or by more where there is noise, of its own on each of `n_faces` that triangles
+    are parts of. Those that are not longer in all than a few distances are too small to be seen.
     """
     edge = number_edges(mesh.triangles, len(mesh.points))
-    n_faces = np.bincount(edge)[edge]
+    is_other = np.bincount(edge)[edge] != 2
     beyond = np.maximum(mesh.twins.ravel(), 0)
     normals = mesh.face_normals()
     cosines = np.einsum("ij,ij->i", normals.repeat(3, axis=0), normals[beyond // 3])
-    creased = (n_faces == 2) & (cosines < np.cos(np.radians(angle)) - 1e-12)
+    creased = ~is_other & (cosines < np.cos(np.radians(angle)) - 1e-12)
     first = edge == np.arange(len(edge))
-    creased &= _is_broad(mesh, first & (creased | (n_faces != 2)), creased & first, normals, sizes, angle)[edge]
-    return (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
+    broad = _is_broad(mesh, first & (creased | is_other), creased & first, normals, sizes, angle, n_faces)
+    creased &= broad[edge]
+    return is_other | (creased & _is_long(mesh, creased, sizes))
 
 
 def extra_points(mesh: SurfaceTriangulation, sizes: Floats) -> float:
@@ -65,9 +66,15 @@ def extra_points(mesh: SurfaceTriangulation, sizes: Floats) -> float:
 
 
 def _is_broad(
-    mesh: SurfaceTriangulation, features: Bools, creased: Bools, normals: Points, sizes: Floats, angle: float
+    mesh: SurfaceTriangulation,
+    features: Bools,
+    creased: Bools,
+    normals: Points,
+    sizes: Floats,
+    angle: float,
+    n_faces: int,
 ) -> Bools:
-    """Tell which half-edges (3 T,), of those creased, are creases of the surfaces around, not of single faces.
+    """Tell which half-edges (3 T,), of those creased, are creases of the surfaces around, not of single faces or noise.
 
     Between junctions, a crease is one if it is along half of its length, but not if it is short and has a free end.
     """
@@ -75,25 +82,35 @@ def _is_broad(
     broad = np.zeros(len(creased), bool)
     if not len(halves):
         return broad
-    halves = halves[~_is_flat(mesh, sizes, _SEEN.flat * angle)[halves // 3]]
-    ends = mesh.edges[halves]
+    halves = halves[~_is_flat(mesh, halves // 3, sizes, _SEEN.flat * angle)]
+    ends, twins = mesh.edges[halves], mesh.twins.ravel()
+    inner = np.flatnonzero(~features & (twins < np.arange(len(twins))))
+    sheet = connected_parts((inner // 3, twins[inner] // 3), len(normals))[1]
     centers, areas = mesh.points[mesh.triangles].mean(axis=1), mesh.areas()
-    grains = _Grains.of(mesh, _SEEN.grain * sizes[mesh.triangles].mean(axis=1), by_axis=True)
+    face, grains = areas.sum() / n_faces, _Grains.of(mesh, _SEEN.grain * sizes[mesh.triangles].mean(axis=1), sheet)
     middles, lengths, apart = mesh.points[ends].mean(axis=1), mesh.edge_lengths()[halves], sizes[ends].mean(axis=1)
-    sides: list[NDArray[np.integer]] = [halves // 3, mesh.twins.ravel()[halves] // 3]
+    sides: list[NDArray[np.integer]] = [halves // 3, twins[halves] // 3]
     outward = unit(grains.vectors)
     # Faces around are on the side of that face at the crease to which the way from its middle leads.
     way = np.subtract(*(unit(centers[side] - middles) for side in sides))
-    sums = [2 * areas[side, None] * normals[side] for side in sides]
+    # Sums of normals, of those in the same sheet, and of areas of these: noise is how these normals differ.
+    sums = [2 * areas[side, None] * np.column_stack([normals[side]] * 2 + [np.ones(len(side))]) for side in sides]
     for block, of, grain in grains.near(middles, _SEEN.breadth * apart):
         is_first = np.einsum("ij,ij->i", grains.centers[grain] - middles[of], way[of]) > 0
         for side, chosen, total in zip(sides, (is_first, ~is_first), sums, strict=True):
             # Faces of another sheet, turned away, are left out.
             chosen &= np.einsum("ij,ij->i", outward[grain], normals[side[of]]) > 0
             chosen &= grain != grains.of_face[side[of]]
-            total[block] += sum_by_label(of[chosen] - block.start, grains.vectors[grain[chosen]], len(total[block]))
-    means = [unit(total) for total in sums]
-    passes = np.einsum("ij,ij->i", *means) < np.cos(np.radians(_SEEN.broad * angle))
+            near, crease = grain[chosen], of[chosen]
+            rows = np.column_stack([grains.vectors[near]] * 2 + [grains.areas[near]])
+            rows[:, 3:] *= (grains.sheet[near] == sheet[side[crease]])[:, None]
+            total[block] += sum_by_label(crease - block.start, rows, len(total[block]))
+    turn = np.arccos(np.clip(np.einsum("ij,ij->i", *(unit(total[:, :3]) for total in sums)), -1, 1))
+    variance = np.zeros(len(halves))
+    for total in sums:
+        spread = -np.log(np.clip(np.linalg.norm(total[:, 3:6], axis=1) / total[:, 6], 1e-9, 1))
+        variance += spread / np.maximum(total[:, 6] / (2 * face), 1)
+    passes = turn > np.radians(_SEEN.broad * angle) + _SEEN.sure * np.sqrt(variance)
     lengths /= apart
     table, n_ends = EdgeTable(ends, len(mesh.points)), np.bincount(mesh.edges[features].ravel())
     for chain in _chains(ends):
@@ -110,31 +127,35 @@ class _Grains:
     of_face: Indices  # (T,)
     centers: Points  # (G, 3)
     vectors: Points  # (G, 3): sums of normals by area
+    areas: Floats  # (G,): twice of all faces
+    sheet: Ints  # (G,)
 
     @classmethod
-    def of(cls, mesh: SurfaceTriangulation, apart: Floats, *, by_axis: bool) -> _Grains:
-        """Join faces in boxes with sides of about `apart` (T,): those that face along one axis, or that are connected.
+    def of(cls, mesh: SurfaceTriangulation, apart: Floats, sheet: Ints | None) -> _Grains:
+        """Join faces in boxes about `apart` (T,) wide: those that face along one axis and are of one sheet (T,).
 
-        By axes, faces at both sides of a crease stay apart; connected ones are those of one sheet, however noisy.
+        If no sheets are given, those that are connected, however noisy.
         """
         a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
         centers, weighted, level = (a + b + c) / 3, np.cross(b - a, c - a), np.floor(np.log2(apart))
-        keys = [*np.floor(centers.T / 2**level), level]
-        if by_axis:
-            axis = np.abs(weighted).argmax(axis=1)
-            keys += [axis, weighted[np.arange(len(axis)), axis] < 0]
-        places = np.array(keys).astype(np.int64)
-        places -= places.min(axis=1, keepdims=True)
-        of_face = np.unique(np.ravel_multi_index(places, places.max(axis=1) + 1), return_inverse=True)[1].ravel()
-        if not by_axis:
+        boxes = np.array([*np.floor(centers.T / 2**level), level]).astype(np.int64)
+        boxes -= boxes.min(axis=1, keepdims=True)
+        box = np.unique(np.ravel_multi_index(boxes, boxes.max(axis=1) + 1), return_inverse=True)[1].ravel()
+        if sheet is None:
             sides = np.flatnonzero(mesh.twins.ravel() >= 0)
             links = sides // 3, mesh.twins.ravel()[sides] // 3
-            same = of_face[links[0]] == of_face[links[1]]
-            of_face = connected_parts((links[0][same], links[1][same]), len(centers))[1].astype(np.intp)
+            same = box[links[0]] == box[links[1]]
+            sheet = connected_parts((links[0][same], links[1][same]), len(centers))[1]
+            keys = sheet
+        else:
+            axis = np.abs(weighted).argmax(axis=1)
+            direction = 2 * axis + (weighted[np.arange(len(axis)), axis] < 0)
+            keys = (box * (int(sheet.max()) + 1) + sheet) * 6 + direction
+        _, first, of_face = np.unique(keys, return_index=True, return_inverse=True)
         areas = np.linalg.norm(weighted, axis=1, keepdims=True)
         rows = np.concatenate([areas, areas * centers, weighted], axis=1)
-        total = sum_by_label(of_face, rows, int(of_face.max()) + 1)
-        return cls(of_face, total[:, 1:4] / total[:, :1], total[:, 4:])
+        total = sum_by_label(of_face, rows, len(first))
+        return cls(of_face, total[:, 1:4] / total[:, :1], total[:, 4:], total[:, 0], sheet[first])
 
     def near(self, places: Points, reach: Floats) -> Iterator[tuple[slice, Indices, Indices]]:
         """Find the grains nearer to places (M, 3) than `reach` (M,): blocks of places, and pairs of both."""
@@ -148,27 +169,28 @@ class _Grains:
             yield block, of, np.concatenate(lists).astype(np.intp)
 
 
-def _is_flat(mesh: SurfaceTriangulation, sizes: Floats, angle: float) -> Bools:
-    """Tell which faces (T,) have no crease around, whatever noise: halves of the surface there meet at a less angle."""
+def _is_flat(mesh: SurfaceTriangulation, faces: Indices, sizes: Floats, angle: float) -> Bools:
+    """Tell which faces (F,) have no crease around, whatever noise: halves of the surface there meet at a less angle."""
     apart = sizes[mesh.triangles].mean(axis=1)
-    grains = _Grains.of(mesh, _SEEN.coarse * apart, by_axis=False)
-    outward, reach = unit(grains.vectors), np.zeros(len(grains.centers))
+    grains = _Grains.of(mesh, _SEEN.coarse * apart, None)
+    here, which = np.unique(grains.of_face[faces], return_inverse=True)
+    outward, reach = unit(grains.vectors)[here], np.zeros(len(grains.centers))
     np.maximum.at(reach, grains.of_face, _SEEN.breadth * apart)
-    least = np.ones(len(reach))
-    for block, of, grain in grains.near(grains.centers, reach):
+    least = np.ones(len(here))
+    for block, of, grain in grains.near(grains.centers[here], reach[here]):
         at, n, vectors = of - block.start, len(least[block]), grains.vectors[grain]
         is_away, areas = np.einsum("ij,ij->i", outward[of], vectors) <= 0, np.linalg.norm(vectors, axis=1)
         away, all_of_it = (np.bincount(at, weights, n) for weights in (is_away * areas, areas))
         normal = unit(sum_by_label(at, vectors, n))
         x = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
-        way = grains.centers[grain] - grains.centers[block][at]
+        way = grains.centers[grain] - grains.centers[here][of]
         along = [np.einsum("ij,ij->i", way, axis[at]) for axis in (x, np.cross(normal, x))]
         for turn in np.arange(_SEEN.turns) * np.pi / _SEEN.turns:
             first = along[0] * np.cos(turn) + along[1] * np.sin(turn) > 0
             halves = [unit(sum_by_label(at[chosen], vectors[chosen], n)) for chosen in (first, ~first)]
             least[block] = np.minimum(least[block], np.einsum("ij,ij->i", *halves))
         least[block][away > _SEEN.away * all_of_it] = -1
-    return np.asarray((least > np.cos(np.radians(angle)))[grains.of_face])
+    return np.asarray((least > np.cos(np.radians(angle)))[which.ravel()])
 
 
 def _is_long(mesh: SurfaceTriangulation, creased: Bools, sizes: Floats) -> Bools:

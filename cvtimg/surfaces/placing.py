@@ -154,7 +154,7 @@ class _Start:
         whole = _split(surface, mesh, sizes, effort.fine)
         apart = sizes(whole.points)
         apart = apart * (n / max(n - extra_points(whole, apart), n / 2)) ** 0.5
-        features = find_features(whole, angle, apart)
+        features = find_features(whole, angle, apart, len(surface.triangulation.triangles))
         kept, places = place_on_curves(whole, features, apart, angle)
         fine, sites = whole.cut(features) if len(kept) else (whole, np.arange(len(whole.points)))
         goals = whole.points.copy()

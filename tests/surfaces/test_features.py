@@ -112,8 +112,10 @@ def test_three_sheets_meet_in_one_curve() -> None:
 def test_creases_of_noise_are_left_out_or_whole() -> None:
     points, faces = sphere(0.002)
     mesh = SurfaceTriangulation(points, faces)
-    assert find_features(mesh, 12, np.full(len(points), 1e-3)).any()
-    assert not find_features(mesh, 12, np.full(len(points), 9.0)).any()
+    assert find_features(mesh, 12, np.full(len(points), 1e-3), len(faces)).any()
+    assert not find_features(mesh, 12, np.full(len(points), 9.0), len(faces)).any()
+    rough = SurfaceTriangulation(*sphere(0.03))  # whose faces are about as wide as points are apart
+    assert not find_features(rough, 40, np.full(len(points), 0.2), len(faces)).any()
     found = surface_points((points, faces), 500, feature_angle=15, effort="fast")
     measures = found.measures()
     assert (len(found.points), measures.is_closed, measures.euler_characteristic) == (500, True, 2)
@@ -129,7 +131,7 @@ def test_a_crease_among_those_of_noise_is_kept() -> None:
     cosines = np.einsum("ij,ij->i", normals.repeat(3, axis=0), normals[twins // 3])
     ridge = (np.abs(points[mesh.edges][:, :, 1] - 0.5) < 1e-9).all(axis=1)
     assert ((cosines < np.cos(np.radians(20))) & ~ridge & (twins >= 0)).sum() > 100
-    found = find_features(mesh, 20, np.full(len(points), 0.25))
+    found = find_features(mesh, 20, np.full(len(points), 0.25), len(faces))
     assert (found == (ridge | (twins < 0))).all()
 
 
