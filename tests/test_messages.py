@@ -84,6 +84,23 @@ def test_a_full_standard_output_is_named(tmp_path: Path, command: str) -> None:
     assert (done.returncode, done.stderr) == (1, "cvtimg: standard output: no space left on device\n")
 
 
+@pytest.mark.parametrize(
+    "take",
+    [
+        lambda rows: cvtimg.tessellate(rows, 2),
+        lambda rows: cvtimg.tessellate(rows.data, 2, density=rows[:, 0]),
+        cvtimg.energy_curve,
+        cvtimg.CVT(2).fit,
+        lambda rows: cvtimg.reduced_basis(rows, 1),
+        lambda rows: cvtimg.place_generators(None, 2, density=rows),
+        lambda rows: cvtimg.find_contours(rows.astype(int)),
+    ],
+)
+def test_what_is_masked_is_not_taken_for_data(take: Callable[..., object]) -> None:
+    with pytest.raises(ValueError, match="1 masked values and must have none"):
+        take(np.ma.masked_equal(np.arange(12.0).reshape(4, 3), 6))
+
+
 @pytest.mark.parametrize("function", [cvtimg.restore, cvtimg.denoise])
 def test_warnings_name_the_line_of_the_caller(function: Callable[..., object]) -> None:
     image = np.random.default_rng(0).integers(0, 255, (32, 32), np.uint8)

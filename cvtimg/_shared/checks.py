@@ -122,6 +122,13 @@ def refuse_path(name: str, value: object) -> None:
         raise TypeError(f"{name}={value!r} must be an array; read an image with cvtimg.read_image")
 
 
+def refuse_masked(name: str, values: Any) -> None:
+    """Refuse a masked array where nothing stands for what is masked."""
+    if "numpy.ma" in sys.modules and np.ma.is_masked(values):  # which takes time to import
+        n_masked = np.count_nonzero(np.ma.getmaskarray(values))
+        raise ValueError(f"{name} has {n_masked} masked values and must have none: leave their rows out, or fill them")
+
+
 #: Types of samples that the kernels read.
 SAMPLE_DTYPES = (np.uint8, np.uint16, np.float32, np.float64)
 
@@ -178,6 +185,7 @@ def check_values(name: str, values: ArrayLike, points: Array, holds: Callable[[F
 def check_rows(name: str, rows: object) -> Array:
     """Return `rows` as a C-contiguous, finite (N, D) array of a type that the kernels read."""
     refuse_path(name, rows)
+    refuse_masked(name, rows)
     array = array_of(rows)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(N, D) with N, D >= 1")
     warn_if_rounded(name, array)
@@ -201,6 +209,7 @@ def check_density(density: ArrayLike | None, n_samples: int) -> Floats:
 
 def check_weights(name: str, weights: ArrayLike, shape: tuple[int, ...], of: str = "pixel") -> Floats:
     """Return weights, one for each pixel of an image of this shape: finite, >= 0 and not all 0."""
+    refuse_masked(name, weights)
     array = np.asarray(weights, dtype=np.float64)
     check_shape(name, array.shape, array.shape == shape, f"{shape}, one weight for each {of}")
     holds = np.isfinite(array).all() and array.min() >= 0 and array.any()
@@ -316,6 +325,7 @@ def _inside(name: str, array: Array, image: object, mask: ArrayLike | None) -> B
 
 def check_labels(name: str, labels: ArrayLike) -> Ints:
     """Return `labels` as a C-contiguous (H, W) int32 array of whole numbers >= 0."""
+    refuse_masked(name, labels)
     array = np.asarray(labels)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(H, W), none of them 0")
     if array.dtype.kind not in "biu":
@@ -369,6 +379,7 @@ def _may_be_alpha(band: Array) -> bool:
 
 def check_picture_density(name: str, density: ArrayLike) -> Floats32:
     """Return the density of an image as an (H, W) float32 array: finite, >= 0 and not all 0."""
+    refuse_masked(name, density)
     array = array_of(density)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(H, W), none of them 0")
     check_numbers(name, array.dtype)

@@ -89,16 +89,25 @@ def are_shades(samples: Array) -> bool:
     return bool(seen.size and seen.min() >= 0 and white / 16 <= seen.max() <= white)
 
 
-def white_among(samples: Array) -> float:
-    """Return the value of white among finite samples: `peak`, but what most use where floating point is no share of it.
+def narrowed(samples: Array) -> Array:
+    """Return the same picture in 8 or 16 bits if its integers fit, and would be nearly black by the white of a type."""
+    if samples.dtype.kind not in "iu" or not samples.size or are_shades(samples):
+        return samples
+    fits = [kind for kind in (np.uint8, np.uint16) if samples.min() >= 0 and samples.max() <= np.iinfo(kind).max]
+    return samples.astype(fits[0]) if fits and samples.dtype.newbyteorder("=") != np.uint16 else samples
 
-    That is where it leaves 0..1, or where all of it would be black with 8 bits.
+
+def white_among(samples: Array) -> float:
+    """Return the value of white among finite samples: `peak`, but what most use where they are no share of that.
+
+    That is where they leave 0..1, as floating point, or where all of them would be nearly black.
     """
-    if samples.dtype.kind in "iu" or not samples.size:
+    samples = narrowed(samples)
+    if not samples.size or (samples.dtype.kind == "u" and samples.dtype.itemsize <= 2):
         return peak(samples.dtype)
     low, high = float(samples.min()), float(samples.max())
-    is_share = (low >= 0 and 1 / 255 <= high <= 1) or low == high
-    return 1.0 if is_share else usual_range(samples) or high - low
+    is_share = low >= 0 and 1 / 255 <= high <= 1 if samples.dtype.kind == "f" else are_shades(samples)
+    return peak(samples.dtype) if is_share or low == high else usual_range(samples) or high - low
 
 
 def usual_range(*arrays: Array) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from cvtimg._shared.checks import check_channels, check_image, check_in_range
 from cvtimg._shared.messages import warn
-from cvtimg._shared.pixels import are_shades, array_of, peak
+from cvtimg._shared.pixels import are_shades, array_of, narrowed, peak
 from cvtimg._shared.types import Array, Bools, Bytes, Floats, Floats32, ImageLike
 from cvtimg.colors.spaces import to_space
 from cvtimg.pictures.showing import limits_to_show
@@ -81,7 +81,7 @@ def picture_of(image: Any) -> Picture:
     unknown = np.ma.getmask(image) | (~np.isfinite(array) if array.dtype.kind == "f" else np.False_)
     if np.any(unknown):
         array, known = np.where(unknown, 0, array), ~unknown.any(axis=tuple(range(2, array.ndim)))
-    samples = _narrowed(check_image("image", array))
+    samples = narrowed(check_image("image", array))
     samples = samples.reshape(*samples.shape[:2], -1)
     picture = Picture(samples, (0.0, peak(samples.dtype)), known)
     colors = samples[..., : picture.n_colors]
@@ -115,14 +115,6 @@ def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
         known = picture.known.astype(np.float32)
         opacity = known if opacity is None else opacity * known
     return light, opacity
-
-
-def _narrowed(samples: Array) -> Array:
-    """Bring integers that are wide or signed to 8 or 16 bits if they fit."""
-    kind, n_bytes = samples.dtype.kind, samples.dtype.itemsize
-    if kind in "iu" and (kind == "i" or n_bytes > 2) and samples.min() >= 0 and samples.max() <= 65535:
-        return samples.astype(np.uint8 if samples.max() <= 255 else np.uint16)
-    return samples
 
 
 def luminance(light: Floats32) -> Floats32:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cvtimg._shared.budgets import MOST_IN_MEMORY
-from cvtimg._shared.checks import check_numbers, check_shape, check_that
+from cvtimg._shared.checks import check_numbers, check_shape, check_that, refuse_masked
 from cvtimg._shared.extras import optional
 from cvtimg._shared.threads import one_blas_thread
 from cvtimg._shared.types import Array, Floats
@@ -91,6 +91,7 @@ def _of_array(array: Any) -> Snapshots:
     shape, dtype = tuple(array.shape), np.dtype(array.dtype)
     check_shape("snapshots", shape, len(shape) >= 2 and 0 not in shape, "(N, ...) with at least one value each")
     check_numbers("snapshots", dtype)
+    refuse_masked("snapshots", array)
     # float32 holds 8-bit and 16-bit images exactly, and lets a file of them pass at half the cost.
     single = dtype.itemsize <= 2 or dtype == np.float32
     return Snapshots(

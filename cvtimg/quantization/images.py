@@ -15,7 +15,7 @@ from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.checks import check_alpha, check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg._shared.messages import warn
-from cvtimg._shared.pixels import array_of
+from cvtimg._shared.pixels import are_shades, array_of, narrowed, peak
 from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.places import CLEAR, kinds_of, with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
@@ -66,6 +66,8 @@ def quantize(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         Any integer or floating point type and byte order; white is the largest integer of the type, or 1 for floats.
+        Integers of wide types that would be nearly black, but fit in 8 or 16 bits, are taken as those for eyes and in
+        other spaces than "rgb".
         Also masked arrays, and objects with ``__array__`` or the DLPack protocol.
     n_colors : int or "auto", optional
         Size of the palette, in 1..65536. This includes the locked colors and, if there are fully transparent pixels,
@@ -152,6 +154,13 @@ def quantize(
         space=space, dither=dither, dither_strength=dither_strength, goal=goal, quality=quality, engine=engine,
     ).aimed()  # fmt: skip
     how.check(weights=weights)
+    if how.space != "rgb":
+        array = image if isinstance(image, np.ndarray) else array_of(image)
+        narrow = narrowed(array)
+        image = image if narrow is array else narrow
+        most = float(narrow.max()) if narrow.size else 0.0
+        if 0 < most <= peak(narrow.dtype) and narrow.min() >= 0 and not are_shades(narrow):
+            warn(f"the image is nearly black to eyes: it reaches {most:g}, and white is {peak(narrow.dtype):g}")
     result: Quantized = quantized(PictureSource(image, alpha, mask, weights), how)
     return result
 
@@ -176,7 +185,8 @@ class PictureSource(Source):
             warn("image has 4 channels that all count: give alpha=True if the last is alpha, else alpha=False")
         seen = without_idle_alpha(array) if has_alpha else array
         self._image, self._shape, self._has_idle_alpha = image, array.shape, seen is not array
-        self.images = [seen]
+        self._has_gaps = array.dtype.kind == "f" and not np.isfinite(seen).all()
+        self.images = [np.where(np.isfinite(seen), seen, seen.dtype.type(0)) if self._has_gaps else seen]
         # A masked array is passed on whole, with its mask.
         given = seen if self._has_idle_alpha else image
         self._samples = color_samples(given, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
@@ -202,11 +212,16 @@ class PictureSource(Source):
 
     def quality(self, result: Quantized) -> float:
         """Return the quality of the content of a result."""
-        return self._qualities.content(result.image)
+        return self._qualities.content(self._without_gaps(result))
 
     def visual_quality(self, result: Quantized) -> float:
         """Return the visual quality of a result."""
-        return self._qualities.whole(result.image)
+        return self._qualities.whole(self._without_gaps(result))
+
+    def _without_gaps(self, result: Quantized) -> Array:
+        """Return the image of a result where pixels without data, which cannot differ, are as in the original."""
+        image = result.image
+        return np.where(np.isfinite(image), image, self.images[0]) if self._has_gaps else image
 
     def size(self, result: Quantized) -> int:
         """Return the bytes of its file, which are counted once: the smallest of a flat picture takes long."""

@@ -500,7 +500,7 @@ def _keep_opaque(
 def _name(color: Array, dtype: np.dtype[np.generic], alpha: bool) -> str:
     """Return "#rrggbb", with alpha if there is any."""
     eight = [round(min(max(float(value) / peak(dtype), 0), 1) * 255) for value in color]
-    if len(eight) - alpha not in (1, 3):
+    if len(eight) - alpha not in (1, 3) or (dtype.kind in "iu" and dtype.itemsize > 2):
         return str(tuple(color.tolist()))
     return "#" + bytes(eight[:1] * 3 + eight[1:] if len(eight) < 3 else eight).hex()
 

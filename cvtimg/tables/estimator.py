@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that, warn_if_rounded
+from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that, refuse_masked, warn_if_rounded
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import warn
@@ -226,6 +226,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return len(self.cluster_centers_)
 
     def _rows(self, samples: ArrayLike, *, reset: bool = False) -> Array:
+        refuse_masked("X", samples)
         warn_if_rounded("X", samples)
         return validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
 

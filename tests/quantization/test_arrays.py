@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from skimage import data
 
 from cvtimg import quantize, read_image, write_image
 from cvtimg.quantization import map_to_palette
@@ -105,7 +106,7 @@ def test_masked_arrays_and_nan_are_masks() -> None:
 @pytest.mark.parametrize("shape", [(24, 20), (24, 20, 3)])
 def test_any_type_keeps_its_values_and_has_its_own_white(dtype: str, shape: tuple[int, ...]) -> None:
     kind = np.dtype(dtype)
-    white = 1.0 if kind.kind == "f" else min(float(np.iinfo(kind).max), 2.0**40)
+    white = 1.0 if kind.kind == "f" else min(float(np.iinfo(kind).max), 2.0**60)
     levels = np.random.default_rng(0).integers(0, 32, shape)
     image = (levels / 32 * white).astype(kind)
     result = quantize(image, 6)
@@ -116,6 +117,26 @@ def test_any_type_keeps_its_values_and_has_its_own_white(dtype: str, shape: tupl
     mse = np.square(result.image.astype(float) - image.astype(float)).mean()
     assert result.psnr == pytest.approx(10 * np.log10(peak**2 / mse), rel=1e-6)
     assert quantize(image, 32**3).energy == 0
+
+
+CAT = data.chelsea()[100:160, 100:160]
+
+
+def test_a_list_of_bytes_is_the_picture_that_bytes_are() -> None:
+    listed = CAT[:40, :40].tolist()
+    for aim in ({"n_colors": 9, "space": "lab"}, {"quality": 60}):
+        assert np.array_equal(quantize(listed, **aim).image, quantize(CAT[:40, :40], **aim).image)
+    assert quantize(listed, 9).psnr == quantize(CAT[:40, :40], 9).psnr
+    with pytest.warns(UserWarning, match="nearly black to eyes: it reaches"):
+        quantize(CAT[:40, :40] * np.int64(10), quality=60)
+
+
+def test_pixels_without_data_have_no_part_in_a_quality() -> None:
+    image = CAT / 255
+    image[20:30, :40] = np.nan
+    result = quantize(image, quality=60)
+    assert len(result.palette) > 2
+    assert np.array_equal(np.isnan(result.image), np.isnan(image))
 
 
 def test_negative_values_come_back() -> None:

@@ -48,6 +48,8 @@ RELATIONS = [
     _row("float32 by /255", lambda image: (image / 255).astype(np.float32)),
     _row("floats by /255", lambda image: image / 255),
     _row("16 bits", lambda image: image * np.uint16(257)),
+    _row("integers of 64 bits", lambda image: image.astype(np.int64)),
+    _row("heights around 0", lambda image: 40.0 * image - 5000, of_picture, close(0.1), "stretched to their range"),
     _row("an alpha that is opaque", lambda image: np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])),
     _row(
         "mirrored",

@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_partial_image
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import peak, white_of
+from cvtimg._shared.pixels import are_shades, narrowed, peak, white_of
 from cvtimg._shared.progress import part
-from cvtimg._shared.types import Floats, ImageLike, Ints
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
+from cvtimg.pictures.showing import limits_to_show
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.evidence import evidence_of
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
@@ -83,7 +84,7 @@ def segment_hierarchy(
         array = np.ascontiguousarray(array[..., :-1])  # as an alpha that is opaque, though none is declared
     if array.shape[2] not in (1, 3):
         space = "rgb"
-    white = peak(array.dtype)
+    array, black, white = _as_shades(array, inside, space)
     array = in_whole_numbers(array, inside)  # means of rounded values would depend on the type
     factor = reduction(inside.size)
     seen, seen_inside = reduced(array, inside, factor) if factor > 1 else (array, inside)
@@ -97,7 +98,20 @@ def segment_hierarchy(
             leaves = aligned(leaves, find_leaves(half, find_channels(half), max(n_leaves // 2, 1)))
     if factor > 1:
         leaves = enlarged(leaves, array, inside, factor)
-    return _measured(leaves, values, white / peak(values.dtype))
+    return _measured(leaves, values, black, (white - black) / peak(values.dtype))
+
+
+def _as_shades(image: Array, inside: Bools, space: SpaceName) -> tuple[Array, float, float]:
+    """Return samples that have a place in a color space, and what black and white of their type are in the image.
+
+    Measurements are stretched to the range that they fill.
+    """
+    image = narrowed(image)
+    if space == "rgb" or are_shades(image[inside]) or not image[inside].any():
+        return image, 0.0, peak(image.dtype)
+    low, high = limits_to_show([image[inside]])
+    shares = ((image - np.float64(low)) / (high - low or 1)).clip(0, 1).astype(np.float32)
+    return shares, low, high
 
 
 def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
@@ -121,8 +135,8 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
     return replace(leaves, strengths=strengths, near_and_far=(near_altitudes, means))
 
 
-def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHierarchy:
-    """Merge the leaves, and measure the nodes of the tree; white is that of the image over that of the values."""
+def _measured(leaves: Leaves, values: PictureValues, black: float, unit: float) -> RegionHierarchy:
+    """Merge the leaves, and measure the nodes of the tree; colors are `black` and those of the values times `unit`."""
     merges, altitudes = leaves.merged()
     moments = np.column_stack([leaves.sizes, leaves.moments])
     n_leaves = len(moments)
@@ -143,7 +157,7 @@ def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHier
         merges=merges,
         altitudes=altitudes,
         sizes=sizes.copy(),
-        colors=values.to_picture(means + values.center) * white,
+        colors=values.to_picture(means + values.center) * unit + black,
         means=means,
         energies=energies,
         evidence=evidence_of(borders, (near, leaves.strengths, far), leaves.labels > 0),
