@@ -98,8 +98,12 @@ class Report:
                 with open(os.devnull, "w") as nowhere:  # noqa: PTH123
                     os.dup2(nowhere.fileno(), sys.stdout.fileno())  # what is left in its buffer has a place to go
 
+    def finish(self) -> None:
+        """Write what is of all completed inputs together, however the run ends."""
+
     def close(self) -> int:
         """Print the table and the summary; return the exit status, 1 if an input failed."""
+        self.finish()
         if not (self.as_json or self.quiet):
             if self._counts["done"] and self._columns:
                 self._print_table([row for row in self.rows if row["status"] == "done"])
@@ -111,6 +115,7 @@ class Report:
 
     def interrupted(self, n_inputs: int) -> None:
         """Print what was completed before the run was interrupted."""
+        self.finish()
         complain(f"interrupted: {self._summary()}, {n_inputs - len(self.rows)} of {n_inputs} inputs left")
 
     def _summary(self) -> str:

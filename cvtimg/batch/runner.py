@@ -338,15 +338,9 @@ def _performed(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Gen
 def _jobs_worthwhile(tasks: Sequence[Task], least: int = 8 << 20, of_input: int = 1 << 17) -> int:
     # Below the `least` bytes of inputs, about 13 photographs of 768 x 512, starting workers takes longer than it saves.
     # Bytes that the start of an input costs beside those it has.
-    n_bytes = 0
-    for task in tasks:
-        n_bytes += of_input
-        for source in task.sources:
-            with suppress(OSError):
-                n_bytes += source.stat().st_size
-        if n_bytes > least:
-            return n_threads()
-    return 1
+    sources = [source for task in tasks for source in task.sources if os.path.isfile(source)]  # noqa: PTH113
+    n_bytes = of_input * len(tasks) + sum(source.stat().st_size for source in sources)
+    return n_threads() if n_bytes > least else 1
 
 
 @contextmanager

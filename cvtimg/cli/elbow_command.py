@@ -63,8 +63,7 @@ class _Curves(Report):
         self._plotted.append(row["_plotted"])
         super().done(row)
 
-    def close(self) -> int:
-        status = super().close()
+    def finish(self) -> None:
         given, plotted = self._given, self._plotted
         if plotted and given.csv:
             from cvtimg.files.whole import write_csv
@@ -77,9 +76,12 @@ class _Curves(Report):
             write_csv(given.csv, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=given.overwrite)
         if plotted:
             plot(given.plot, given, "draw_curves", plotted, rule=given.rule)
-        if len(plotted) == 1 and not (self.as_json or self.quiet):
-            curve = plotted[0].curve
-            self.say(*_curve_lines(curve, {**curve.elbows(), given.rule: plotted[0].k}))
+
+    def close(self) -> int:
+        status = super().close()
+        if len(self._plotted) == 1 and not (self.as_json or self.quiet):
+            curve = self._plotted[0].curve
+            self.say(*_curve_lines(curve, {**curve.elbows(), self._given.rule: self._plotted[0].k}))
         return status
 
 

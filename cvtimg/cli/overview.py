@@ -64,16 +64,11 @@ def overview() -> str:
 class Described(NamedTuple):
     """What a command says about itself."""
 
-    name: str
+    usage: str  # How it is called
     paragraphs: list[str]
     examples: list[str]
     inputs: list[Option]
     panels: dict[str, list[Option]]
-
-    @property
-    def usage(self) -> str:
-        """How it is called."""
-        return " ".join(["cvtimg", self.name, "[OPTIONS]", *(option.metavar for option in self.inputs)])
 
 
 def described(verb: str) -> Described:
@@ -87,7 +82,9 @@ def described(verb: str) -> Described:
     panels: dict[str, list[Option]] = {}
     for option in options_of(verb):
         panels.setdefault(panel_of(option.name) if option.words else "", []).append(option)
-    return Described(verb, paragraphs, module.EXAMPLES.rstrip().splitlines(), panels.pop("", []), panels)
+    inputs = panels.pop("", [])
+    usage = " ".join(["cvtimg", verb, "[OPTIONS]", *(option.metavar for option in inputs)])
+    return Described(usage, paragraphs, module.EXAMPLES.rstrip().splitlines(), inputs, panels)
 
 
 def recorded(options: Iterable[Option]) -> dict[str, str]:

@@ -311,17 +311,8 @@ class JointTable(Report):
         self._tables[_text(self._names.get(name, name))] = row["_table"]
         super().done(row)
 
-    def close(self) -> int:
-        """Write the table, and end as without."""
-        self._write()
-        return super().close()
-
-    def interrupted(self, n_inputs: int) -> None:
-        """Write what is known."""
-        self._write()
-        super().interrupted(n_inputs)
-
-    def _write(self) -> None:
+    def finish(self) -> None:
+        """Write the table."""
         import numpy as np
 
         from cvtimg.labels import write_table

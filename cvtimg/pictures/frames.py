@@ -156,20 +156,18 @@ def encode_frames(
 
 
 def alike(images: list[Array]) -> list[Array]:
-    """Convert all images to the same channels; alpha is dropped if every pixel is opaque."""
+    """Convert uint8 images to the same channels: three or four, opaque where there was no alpha, unless all are gray.
+
+    Alpha is dropped if every pixel is opaque.
+    """
     if all(image.ndim == 2 for image in images):
         return images
-    clear = any(image.ndim == 3 and image.shape[2] == 4 and (image[..., 3] < 255).any() for image in images)
-    return [with_channels(image, 4 if clear else 3) for image in images]
-
-
-def with_channels(image: Array, n_channels: int) -> Array:
-    """Give a uint8 image three channels, or four, opaque if it had no alpha."""
-    color = np.repeat(image[..., np.newaxis], 3, axis=2) if image.ndim == 2 else image[..., :3]
-    if n_channels == 3:
-        return np.ascontiguousarray(color)
-    alpha = image[..., 3:] if image.ndim == 3 and image.shape[2] == 4 else np.full_like(color[..., :1], 255)
-    return np.concatenate([color, alpha], axis=2)
+    colors = [np.dstack([image] * 3) if image.ndim == 2 else image for image in images]
+    opaque = np.uint8(255)
+    if all((image[..., 3:] == opaque).all() for image in colors):
+        return [np.ascontiguousarray(image[..., :3]) for image in colors]
+    full = (np.full((*image.shape[:2], 4 - image.shape[2]), opaque) for image in colors)
+    return [np.concatenate([image, alpha], axis=2) for image, alpha in zip(colors, full, strict=True)]
 
 
 def _cels(images: Sequence[Array], palettes: Bytes | Sequence[Bytes] | None, *, indexed_png: bool) -> list[Cel]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,28 +123,30 @@ def place_of(given: str | int, length: int, names: tuple[str, ...], noun: str) -
 
 def is_stored(path: object) -> TypeGuard[StrPath]:
     """Whether a path is a stack that `open_stored` opens."""
-    return is_ngff(path) or _is_of_microscope(path) or _is_array(path)
-
-
-def _is_array(path: Any) -> bool:
-    """Whether a path is a plain array of Zarr whose axes are said; without letters, it is an image."""
-    return _suffix_of(path) == ".zarr" and selected().axes is not None and Path(path).is_dir() and not is_ngff(path)
+    return _opener(path) is not None
 
 
 def open_stored(path: StrPath) -> StoredStack:
     """Open a stack, without reading its pages."""
-    if _is_array(path):
-        return _with_axes(optional("zarr", "zarr").open_array(str(path), mode="r")[:], "Zarr")
-    return _open_microscope(path) if _is_of_microscope(path) else _open_ngff(path)
+    opener = _opener(path)
+    assert opener is not None
+    return opener(path)
 
 
-def is_ngff(path: Any) -> TypeGuard[StrPath]:
-    """Whether a path is a folder of OME-Zarr, and not of a plain array."""
-    return _suffix_of(path) == ".zarr" and bool(_said_of(Path(path)))
+def _opener(path: object) -> Callable[[StrPath], StoredStack] | None:
+    """Return what opens a stack; None for images, such as a plain array of Zarr whose axes are not said."""
+    if not isinstance(path, (str, os.PathLike)):
+        return None
+    suffix = Path(path).suffix.lower()
+    if suffix == ".zarr" and _said_of(Path(path)):
+        return _open_ngff
+    if suffix == ".zarr" and selected().axes is not None and Path(path).is_dir():
+        return _open_array
+    return _open_microscope if suffix in MICROSCOPE_SUFFIXES else None
 
 
-def _suffix_of(path: Any) -> str:
-    return Path(path).suffix.lower() if isinstance(path, (str, os.PathLike)) else ""
+def _open_array(path: StrPath) -> StoredStack:
+    return _with_axes(optional("zarr", "zarr").open_array(str(path), mode="r")[:], "Zarr")
 
 
 def _said_of(folder: Path) -> Options:
@@ -179,10 +181,6 @@ def _open_ngff(path: StrPath) -> StoredStack:
     array = zarr.open_array(str(Path(path, level["path"])), mode="r")
     names = tuple(named) if "C" in letters and len({*named}) == array.shape[letters.index("C")] else ()
     return StoredStack(array, letters, names, pixel_size, "OME-Zarr")
-
-
-def _is_of_microscope(path: object) -> TypeGuard[StrPath]:
-    return _suffix_of(path) in MICROSCOPE_SUFFIXES
 
 
 def _open_microscope(path: StrPath) -> StoredStack:
