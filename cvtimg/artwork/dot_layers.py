@@ -34,14 +34,6 @@ _ROUNDS = 4
 _TO_ALL = 0.5
 
 
-def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats32:
-    """Give each pixel of the picture, before it was enlarged, the mean value of the cells that it lies in."""
-    factor = round(moments.scale)
-    enlarged = values.astype(np.float32)[moments.labels(points)]
-    means: Floats32 = enlarged.reshape(len(enlarged) // factor, factor, -1, factor).mean(axis=(1, 3))
-    return means
-
-
 @dataclass(frozen=True, slots=True)
 class Dots:
     """What kind of dots there are to be: fields are as the arguments of `cvtimg.stipple`."""
@@ -79,7 +71,9 @@ class _Pen:
     def correct(self, points: Floats) -> PixelMoments:
         """Let the density grow where dots are too few, and return its moments."""
         lacking = (self.amounts(points).masses * (self.n_dots / self.amounts.mass)) ** 2
-        factors = _of_pixels(lacking, self.amounts, points)  # smoothed, as the error of a single dot is noise
+        # Of each pixel before it was enlarged; smoothed, as the error of a single dot is noise.
+        factor, enlarged = round(self.amounts.scale), lacking.astype(np.float32)[self.amounts.labels(points)]
+        factors = enlarged.reshape(len(enlarged) // factor, factor, -1, factor).mean(axis=(1, 3))
         self.density *= gaussian_filter(factors, self.reach, mode="nearest", axes=(0, 1))
         return picture_moments(self.density, self.n_dots)
 

@@ -189,11 +189,10 @@ class Basis(ReadOnly):
         """Project snapshots of the same shape, of any kind that `as_snapshots` takes, onto the nearest subspace."""
         given = as_snapshots(snapshots)
         check_shape("snapshots", given.shape, given.shape == self.shape, f"{self.shape}, as the basis has")
-        parts = [self._project_block(block) for _, block in given.blocks()]
-        columns = zip(*((part.coordinates, part.cells, part.residuals) for part in parts), strict=True)
-        return Projection(*map(np.concatenate, columns))
+        parts = zip(*(self._project_block(block) for _, block in given.blocks()), strict=True)
+        return Projection(*map(np.concatenate, parts))
 
-    def _project_block(self, block: Array) -> Projection:
+    def _project_block(self, block: Array) -> tuple[Floats, Ints64, Floats]:
         given = block.astype(np.float64)
         apart = distances(given, self.centers, self.modes)
         cells = apart.argmin(axis=1)
@@ -202,7 +201,7 @@ class Basis(ReadOnly):
             coordinates[cells == cell] = (given[cells == cell] - self.centers[cell]) @ self.modes[cell].T
         sizes = ((given - self.mean) ** 2).sum(axis=1)
         residuals = np.divide(apart.min(axis=1), sizes, out=np.zeros(len(given)), where=sizes > 0)
-        return Projection(coordinates, cells, np.sqrt(residuals))
+        return coordinates, cells, np.sqrt(residuals)
 
     def reconstruct(self, projection: Projection) -> Floats:
         """(m, ...) snapshots of which only the projections are known."""

@@ -173,7 +173,9 @@ def sketch(
         values, mean, variance = _products(snapshots, directions, center, heavy, centered)
         center = mean.astype(dtype)
         basis = np.linalg.qr(values)[0]
-        rows = _combined(snapshots, (basis * np.sqrt(heavy)[:, None]).astype(dtype), center)
+        loads, rows = (basis * np.sqrt(heavy)[:, None]).astype(dtype), np.zeros((basis.shape[1], snapshots.n_dims))
+        for part, block in snapshots.blocks():
+            rows += loads[part].T @ (block - center)
         directions = np.linalg.qr(rows.T)[0].astype(dtype)
     left, lengths, right = np.linalg.svd(rows, full_matrices=False)
     coordinates = ((basis @ left) * lengths)[:, :rank]
@@ -195,11 +197,3 @@ def _products(
     variance = max(squares - mass * float(shift @ shift), 0.0)
     middle = weights @ joined / mass if centered else 0.0
     return np.sqrt(weights)[:, None] * (joined - middle), center + shift, variance
-
-
-def _combined(snapshots: Snapshots, basis: Array, center: Array) -> Floats:
-    """Return (R, D) combinations of snapshots less their mean."""
-    total = np.zeros((basis.shape[1], snapshots.n_dims))
-    for rows, block in snapshots.blocks():
-        total += basis[rows].T @ (block - center)
-    return total

@@ -45,7 +45,8 @@ def voronoi_cells(points: Points, region: Region) -> Geometries:
     sites, first = np.unique(points, axis=0, return_index=True)
     outline = region.outline()
     if isinstance(region, Box) and any(region.periodic):
-        sites = _with_copies(sites, region)
+        turns = [(0, -1, 1) if around else (0,) for around in region.periodic]
+        sites = np.concatenate([sites + np.array([x, y]) * region.sides for x in turns[0] for y in turns[1]])
         # Over the periodic sides, as far as a cell may reach.
         over = np.where(region.periodic, region.sides, 0.0)
         outline = shapely.box(*(region.bounds[0] - over), *(region.bounds[1] + over))
@@ -62,12 +63,6 @@ def voronoi_cells(points: Points, region: Region) -> Geometries:
     all_cells = np.full(len(points), shapely.Polygon(), dtype=object)
     all_cells[first] = cells
     return all_cells
-
-
-def _with_copies(sites: Points, box: Box) -> Points:
-    """Append copies of points on the other sides of a periodic box."""
-    turns = [(0, -1, 1) if around else (0,) for around in box.periodic]
-    return np.concatenate([sites + np.array([x, y]) * box.sides for x in turns[0] for y in turns[1]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +204,8 @@ def measure_cells(points: Points, region: Region) -> CellMeasures:
 
 def regularity(cells: CellSums, gaps: Floats) -> dict[str, float]:
     """Compute h, chi, tau and d of `CellMeasures` from cells and distances gamma_i to the nearest other points."""
-    second, n_dims = cells.seconds_per_volume, cells.firsts.shape[1]
+    n_dims = cells.firsts.shape[1]
+    second = per_mass(cells.seconds.reshape(-1, n_dims**2), cells.volumes).reshape(cells.seconds.shape)
     traces = np.trace(second, axis1=1, axis2=2)
     deviatoric = second - traces[:, None, None] / n_dims * np.eye(n_dims)
     return {

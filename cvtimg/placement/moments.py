@@ -61,11 +61,6 @@ class CellSums:
     reaches: Floats  # (K,): greatest distance from z to a place of its cell
 
     @property
-    def seconds_per_volume(self) -> Floats:
-        """(K, D, D) second moments of each cell, per volume."""
-        return per_mass(self.seconds.reshape(len(self.volumes), -1), self.volumes).reshape(self.seconds.shape)
-
-    @property
     def energy(self) -> float:
         """Integral of the squared distance to the nearest point."""
         return float(np.einsum("kdd->", self.seconds))

@@ -18,8 +18,6 @@ _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
 _WORTH_A_LEVEL = 1000
 #: Pixels for each generator that are enough to start from.
 _PIXELS_TO_START = 256
-#: Children of a generator: offsets from it, as parts of the distance to its nearest neighbor.
-_CHILDREN = np.array([[-2, -1], [1, -2], [2, 1], [-1, 2]]) / 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,5 +176,6 @@ def split_generators(generators: Points, n_generators: int) -> Points:
     from scipy.spatial import cKDTree
 
     gaps = cKDTree(generators).query(generators, 2)[0][:, 1]
-    children = generators[:, None] + gaps[:, None, None] * _CHILDREN
+    offsets = np.array([[-2, -1], [1, -2], [2, 1], [-1, 2]]) / 6  # as parts of the distance to the nearest neighbor
+    children = generators[:, None] + gaps[:, None, None] * offsets
     return children.reshape(-1, 2)[:n_generators]

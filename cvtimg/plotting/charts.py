@@ -238,7 +238,8 @@ def draw_mesh(
     from matplotlib.collections import LineCollection
 
     low, high = points.min(axis=0), points.max(axis=0)
-    with figure_file(9.0, figure_height(low, high, 7.6), suffix) as (figure, content):
+    height = float(7.6 * np.clip((high[1] - low[1]) / (high[0] - low[0]), 1 / 3, 4 / 3))
+    with figure_file(9.0, height, suffix) as (figure, content):
         axes = figure.subplots()
         if image is not None:
             axes.imshow(image, extent=(0, image.shape[1], image.shape[0], 0), cmap="gray", vmin=0, vmax=255)
@@ -262,12 +263,6 @@ def add_polygons(
     drawn = PolyCollection(outlines, **look)
     axes.add_collection(drawn)
     return drawn
-
-
-def figure_height(low: Array, high: Array, width: float) -> float:
-    """Return the height of a figure that shows a box of the plane at a width in inches: of 1/3 to 4/3 of that."""
-    across, up = high - low
-    return float(np.clip(width * up / across, width / 3, width * 4 / 3))
 
 
 def show_box(axes: Axes, low: Array, high: Array, *, y_down: bool = False) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import says_alpha, with_mark
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.pictures.showing import natural_limits, shown
@@ -51,7 +51,8 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
     rows = [item for item in plotted if item.image is not None][:4]  # more would leave no room for the curves
     n_max = max(item.curve.n_max for item in plotted)
     n_columns = 2 + sum(k <= n_max for k in _POWERS)
-    heights = [*(_row_height(item, n_columns) for item in rows), 0.5 * _WIDTH]
+    shapes = [np.asarray(item.image).shape for item in rows]
+    heights = [*(min(_WIDTH / n_columns * shape[0] / shape[1], 2.0) + 0.35 for shape in shapes), 0.5 * _WIDTH]
     with figure_file(_WIDTH, sum(heights) + 0.3, suffix) as (figure, content):
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
         for number, (part, item) in enumerate(zip(parts, rows, strict=False)):
@@ -61,16 +62,12 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
     return content.getvalue()
 
 
-def _row_height(item: Plotted, n_columns: int) -> float:
-    assert item.image is not None
-    height, width = item.image.shape[:2]
-    return float(min(_WIDTH / n_columns * height / width, 2.0)) + 0.35
-
-
 def _draw_thumbnails(axes: Sequence[Axes], item: Plotted, color: str) -> None:
     """Show an image at the k that was picked, in a frame of the color of its curve, at other k, and as it is."""
     assert item.image is not None
-    small = _reduced(item.image)
+    # Every n-th pixel: a filter would add colors that the image does not have.
+    step = -(-max(item.image.shape[:2]) // 160)
+    small = with_mark(np.ascontiguousarray(item.image[::step, ::step]), says_alpha(item.image))
     limits = natural_limits(_bands(small))
     others = [k for k in _POWERS if k <= item.curve.n_max and k != item.k]
     for place in axes:
@@ -80,7 +77,10 @@ def _draw_thumbnails(axes: Sequence[Axes], item: Plotted, color: str) -> None:
         place.axis("on")
         place.spines[:].set_visible(k == item.k)
         place.spines[:].set(color=color, linewidth=2.5)
-        reduced = small if k == 0 else _in_generators(small, item.curve.generators[k - 1], item.space)
+        reduced = small
+        if k:
+            colors = from_places(item.curve.generators[k - 1], item.space, small.dtype, says_alpha(small))
+            reduced = quantize(small, palette=colors, space=item.space).image
         place.imshow(shown(_bands(reduced), limits), interpolation="nearest")
         text = "original" if k == 0 else f"k = {k}"
         place.set_title(text, fontsize=8, pad=3, color=color if k == item.k else "black")
@@ -109,19 +109,7 @@ def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) ->
         axes.legend(fontsize=8)
 
 
-def _reduced(image: Array, most: int = 160) -> Array:
-    """Take every n-th pixel: a filter would add colors that the image does not have."""
-    step = max(1, -(-max(image.shape[:2]) // most))
-    return with_mark(np.ascontiguousarray(image[::step, ::step]), says_alpha(image))
-
-
 def _bands(image: Array) -> Array:
     """(H, W, C) image; a fourth band that is not alpha is not shown."""
     bands = np.asarray(image).reshape(*image.shape[:2], -1)
     return bands[..., :3] if bands.shape[2] == 4 and not says_alpha(image) else bands
-
-
-def _in_generators(image: Array, generators: Floats, space: SpaceName) -> Array:
-    """Replace each pixel by its nearest generator."""
-    colors = from_places(generators, space, image.dtype, says_alpha(image))
-    return quantize(image, palette=colors, space=space).image

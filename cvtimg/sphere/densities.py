@@ -243,12 +243,6 @@ def from_degrees(lon: ArrayLike, lat: ArrayLike) -> Points:
     return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=1)
 
 
-def pixel_places(height: int) -> Points:
-    """Return the places (2 H^2, 3) of the centers of the pixels of an image of the globe, row by row."""
-    steps = 180 * (np.arange(2 * height) + 0.5) / height
-    return from_degrees(np.tile(steps - 180, height), np.repeat(90 - steps[:height], 2 * height))
-
-
 def angles_from(lon: float, lat: float, points: Points) -> Floats:
     """Return the angles (N,) in radians between points and a center in degrees."""
     return np.arccos(np.clip(points @ from_degrees(lon, lat)[0], -1, 1))

@@ -20,7 +20,7 @@ from cvtimg.sphere.densities import (
     SphereDensity,
     SphereDensityLike,
     as_sphere_density,
-    pixel_places,
+    from_degrees,
 )
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
@@ -170,7 +170,8 @@ def _depths(points: Points, inside: Bools) -> Callable[[Points], Floats]:
     """Return a function for how far places are from the other side: a picture, as it is asked often."""
     from scipy.spatial import cKDTree
 
-    places = pixel_places(_HEIGHT)
+    steps = 180 * (np.arange(2 * _HEIGHT) + 0.5) / _HEIGHT
+    places = from_degrees(np.tile(steps - 180, _HEIGHT), np.repeat(90 - steps[:_HEIGHT], 2 * _HEIGHT))
     to_outer, to_inner = (cKDTree(points[side]).query(places)[0] for side in (~inside, inside))
     return GlobePicture.padded((to_outer - to_inner).reshape(_HEIGHT, -1).astype(np.float32) / 2)
 

@@ -21,7 +21,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import Options
 from cvtimg._shared.records import Claims
-from cvtimg._shared.types import Array, Bools, Floats, Ints, Points
+from cvtimg._shared.types import Bools, Floats, Ints, Points
 from cvtimg.halfedges import connected_parts
 from cvtimg.sphere.densities import GlobePicture, angles_from, check_center, check_globe, from_degrees, to_radians
 from cvtimg.sphere.formats import CulledContent, GridContent
@@ -248,7 +248,9 @@ def cull_land(
             break
         sea &= ~bays
     if largest and sea.any():
-        sea = _largest(sea, starts, ends, grid.areas)
+        both = sea[starts] & sea[ends]
+        _, parts = connected_parts((starts[both], ends[both]), n)
+        sea &= parts == np.bincount(parts, grid.areas * sea).argmax()
     check_that("land", bool(sea.any()), "leave a cell of the sea")
     return PartialGrid(grid, sea, np.zeros(int(sea.sum()), np.int32))
 
@@ -305,10 +307,3 @@ def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> Bools:
             parts = np.linspace(0, 1, int(np.linalg.norm(end - start) / step) + 2)[:, None]
             held[tree.query(unit(start + parts * (end - start)))[1]] = True
     return held
-
-
-def _largest(sea: Bools, starts: Array, ends: Array, areas: Floats) -> Bools:
-    """Return the connected part of the sea with the largest area."""
-    both = sea[starts] & sea[ends]
-    _, parts = connected_parts((starts[both], ends[both]), len(sea))
-    return np.asarray(sea & (parts == np.bincount(parts, areas * sea).argmax()))

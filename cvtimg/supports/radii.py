@@ -169,7 +169,5 @@ def _held(places: Floats, points: Floats, radii: Floats) -> tuple[Indices, Indic
     """Return all pairs of a ball and of a place in it."""
     from scipy.spatial import cKDTree
 
-    neighbors = cKDTree(places).query_ball_point(points, radii)
-    return np.repeat(np.arange(len(neighbors)), [len(row) for row in neighbors]), np.concatenate(neighbors).astype(
-        np.intp
-    )
+    near = cKDTree(places).query_ball_point(points, radii)
+    return np.repeat(np.arange(len(near)), [len(row) for row in near]), np.concatenate(near).astype(np.intp)
