@@ -250,10 +250,9 @@ def _lines(text: str) -> list[Any]:
     if text.lower().endswith((".geojson", ".json")):
         import shapely
 
-        content = _read_json("--strait", Path(text))
-        shapes = [feature["geometry"] for feature in content["features"]] if "features" in content else [content]
-        parts = shapely.get_parts([shapely.geometry.shape(shape.get("geometry", shape)) for shape in shapes])
-        return [shapely.get_coordinates(part) for part in parts]
+        from cvtimg._shared.geojson import shapes_of
+
+        return [shapely.get_coordinates(shape) for shape in shapes_of(_read_json("--strait", Path(text)))]
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.budgets import GIVEN
 from cvtimg._shared.checks import check_finite, check_in_range, check_numbers, check_shape, check_that, refuse_type
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.geojson import shapes_of
 from cvtimg._shared.types import Array, Bools, Floats, Indices, Points
 from cvtimg.labels.contours import find_contours
 from cvtimg.labels.files import one_band
@@ -138,10 +139,7 @@ def triangle_areas(triangles: Floats) -> Floats:
 
 def _as_geometry(shape: Any) -> Geometry:
     if isinstance(shape, Mapping):
-        features = [feature.get("geometry", feature) for feature in shape.get("features", [shape])]
-        # Each by itself, which closes rings that rounding or their writer left open.
-        geometries = [shapely.geometry.shape(feature) for feature in features if feature]
-        parts = shapely.force_2d(shapely.get_parts(shapely.get_parts(geometries)))
+        parts = shapes_of(shape)
         check_finite("GeoJSON coordinates", shapely.get_coordinates(parts))
         kinds = [part.geom_type for part in parts]
         check_in_range("GeoJSON types", sorted({*kinds}), {*kinds} == {"Polygon"}, "Polygon or MultiPolygon")
