@@ -84,7 +84,7 @@ def _is_broad(
         return broad
     halves = halves[~_is_flat(mesh, halves // 3, sizes, _SEEN.flat * angle)]
     ends, twins = mesh.edges[halves], mesh.twins.ravel()
-    inner = np.flatnonzero(~features & (twins < np.arange(len(twins))))
+    inner = np.flatnonzero(~features & (twins >= 0) & (twins < np.arange(len(twins))))
     sheet = connected_parts((inner // 3, twins[inner] // 3), len(normals))[1]
     centers, areas = mesh.points[mesh.triangles].mean(axis=1), mesh.areas()
     face, grains = areas.sum() / n_faces, _Grains.of(mesh, _SEEN.grain * sizes[mesh.triangles].mean(axis=1), sheet)

@@ -102,6 +102,9 @@ def test_three_sheets_meet_in_one_curve() -> None:
     found = surface_points((points, faces), 150, effort="fast")
     edges, _, counts = unique_edges(edges_around(found.triangles))
     assert np.allclose(found.points[edges[counts == 3]][:, :, :2], 0)
+    corners, sides = cube()
+    fin = np.append(corners, [[2.0, 2, 2]], axis=0), np.append(sides, [[*sides[0, :2], 8]], axis=0)
+    assert surface_points(fin, 200, effort="fast").measures().n_borders == 1
     heights = found.points[edges[counts == 3]][:, :, 2]
     assert np.abs(np.diff(heights, axis=1)).sum() == pytest.approx(1)
     assert area(found) == pytest.approx(measure_triangles(points, faces).areas.sum())
