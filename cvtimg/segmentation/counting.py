@@ -24,11 +24,18 @@ from cvtimg._shared.checks import check_choice, check_non_negative, check_partia
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Ints, Ints64
 from cvtimg.segmentation.field_of_view import CONVEX, SEVERAL, evenly_lit, surroundings, within_margins, without_light
-from cvtimg.segmentation.local_means import PRIOR, local_mean, spread
+from cvtimg.segmentation.local_means import PRIOR, REACH, local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
-from cvtimg.segmentation.noise import noise_covariance, without_impulses
+from cvtimg.segmentation.noise import MEDIAN_OF_NORMAL, noise_covariance, without_impulses
 from cvtimg.segmentation.result import Counting, Segmentation, measured
-from cvtimg.segmentation.touching import BACKGROUNDS, largest_by_label, numbers_of, split_at_saddles, with_own_borders
+from cvtimg.segmentation.touching import (
+    BACKGROUNDS,
+    ROUNDS,
+    largest_by_label,
+    numbers_of,
+    split_at_saddles,
+    with_own_borders,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,44 +43,31 @@ class Settings:
     """What is an object, in shares of what is measured: lengths of the usual radius, contrasts of the usual one."""
 
     blur_of_noise: float = 4.0  # pixels of blur before anything else, for noise as large as the contrast
-    blurs: tuple[float, float] = (0.7, 3.0)  # at least what sampling needs, at most what keeps necks
-    reach: float = 0.125  # blur of the generators, of the longer side
-    reach_across: float = 0.25  # the same across planes, of their number
-    object_prior: float = (
-        0.05  # how much the mean of all counts where objects are far; they are fewer than pixels of ground
-    )
-    max_rounds: int = 15  # of generators; most images need five
+    blurs: tuple[float, float] = (0.7, 3.0)  # at least what sampling needs, also of distances; at most what keeps necks
+    object_prior: float = 0.05  # how much the mean of all counts where objects are far, as ground is nowhere
     some_planes: int = 9  # in which noise is measured
-    enough_pixels: int = 1 << 22  # generators that vary so slowly need no more
-    tile: int = 1 << 23  # pixels at a time, for 1 GB of memory
-    overlap: float = 4.0  # of tiles, so that each object is whole in one
-    significant: float = 4.0  # times the noise that the blur leaves, by which objects differ from the background
-    above_noise: float = 5.0  # the same for pixels of a dim object
+    tile: int = 1 << 23  # pixels at a time, for 1 GB of memory; generators vary too slowly to need more
+    above_noise: float = 5.0  # times the noise that the blur leaves, by which objects differ from the background
     dimmest: float = 0.15  # contrast of the dimmest objects
     n_peels: int = 3  # how often brighter objects are taken away, and what is above the noise of the ground
     thin: float = 1 / 3  # what brighter objects leave counts where it is thicker
     full: float = 0.7  # of their parts, what three of four discs of a clump fill; parts of objects with pores, 0.63
     spots: float = 0.001  # share of what lies deep in objects that is no part of them; more takes texture for gaps
-    depth: float = 0.015  # of saddles, in the logarithm of the distance ...
-    offset: float = 0.7  # ... plus this, in pixels
-    blur_of_distance: float = 0.8  # pixels; corners of pixels make maxima
+    depth: float = 0.015  # of saddles, in the logarithm of the distance and the least blur
     small: float = 9.0  # objects of a smaller radius in pixels are divided on a grid twice as fine
     least_size: float = 0.12  # of the usual object's pixels
-    most_discs: float = 4.0  # size of the usual object, in largest discs in it: a rod has three, a ring about all more
+    most_discs: float = 4.0  # the usual object, in discs that fit in it: a rod has three, a ring more; overlap of tiles
     max_fields: int = 2  # fields of view, one in another
     outline: float = 2.5  # noise of outlines, in pixels, per noise of contrast and pixel of blur: one over their slope
     most_cover: float = 0.9  # of what counts, by objects; above, the background is in doubt
     flat: float = 0.6  # of their width, how deep objects of a volume of cubes are at least; below, cubes are in doubt
-    clipped: float = (
-        3.0  # times the noise of the ground above which what varies is no ground; more takes dimmer objects for it
-    )
+    clipped: float = 3.0  # noises above the ground from which on nothing is ground; more takes dim objects for it
     explained: float = 0.9  # of the variance around one generator, what two leave at most
     bin: float = 0.0625  # half the width of the bins of contrast in which pixels are counted
 
 
-#: Mean distance of half of a normal distribution from its median, and median difference of two of its values, in
-#: standard deviations.
-_SPREAD_OF_HALF, _MEDIAN_STEP = 0.4742, 0.9539
+#: Mean distance of half of a normal distribution from its median, in standard deviations.
+_SPREAD_OF_HALF = 0.4742
 #: Those of `count_objects`.
 SETTINGS = Settings()
 
@@ -176,7 +170,7 @@ def count_objects(
     del gray
     radius = _radius((contrast > 0.5) & inside, size) if diameter is None else diameter / 2
     white = noise / abs(step) if step else 0.0
-    if not radius or SETTINGS.significant * white >= 1 or not _are_two(contrast, inside):
+    if not radius or SETTINGS.above_noise * white >= 1 or not _are_two(contrast, inside):
         labels, radius, least = np.zeros(inside.shape, np.int32), 0.0, 0.0
     else:
         noise = max(white, _noise_of_ground(contrast, inside, radius) if contrast.ndim == 2 else 0.0)
@@ -290,7 +284,7 @@ def _in_tiles(
     from scipy.ndimage import center_of_mass
 
     objects, last = np.zeros(inside.shape, np.int32), 0
-    for tile, core in _tiles(inside.shape, round(SETTINGS.overlap * radius)):
+    for tile, core in _tiles(inside.shape, round(SETTINGS.most_discs * radius)):
         parts = split(contrast[tile], inside[tile], threshold, radius, size, necks)
         parts = with_own_borders(parts, contrast[tile][..., None], np.zeros(1, np.float32))
         middles = center_of_mass(parts > 0, parts, np.arange(1, int(parts.max()) + 1))
@@ -355,7 +349,7 @@ def _noise_of_ground(contrast: Floats32, inside: Bools, radius: float) -> float:
         for values, known in ((contrast, ground), (contrast.T, ground.T)):
             steps.append(np.abs(values[lag:] - values[:-lag])[known[lag:] & known[:-lag]])
         some = np.concatenate(steps)
-        noise = float(np.median(some[:: max(some.size >> 20, 1)])) / _MEDIAN_STEP if some.size else 0.0
+        noise = float(np.median(some[:: max(some.size >> 20, 1)])) / (MEDIAN_OF_NORMAL * 2**0.5) if some.size else 0.0
         top = min(top, SETTINGS.clipped * noise)
     return noise
 
@@ -380,14 +374,14 @@ def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats
     """
     from skimage.filters import threshold_otsu
 
-    apart = max(int(np.sqrt(image.size / SETTINGS.enough_pixels)), 1)
+    apart = max(int(np.sqrt(image.size / SETTINGS.tile)), 1)
     some, counts = image[..., ::apart, ::apart], inside[..., ::apart, ::apart]
-    reach = [SETTINGS.reach_across * length for length in some.shape[:-2]] + [SETTINGS.reach * max(some.shape[-2:])] * 2
+    reach = [2 * REACH * length for length in some.shape[:-2]] + [REACH * max(some.shape[-2:])] * 2
     objects = (some > threshold_otsu(some[counts])) & counts  # type: ignore[no-untyped-call]
     if background == "brightest" or (background == "largest" and 2 * objects.sum() > counts.sum()):
         objects = ~objects & counts
     step, generators = 0.0, None
-    for _ in range(SETTINGS.max_rounds):
+    for _ in range(ROUNDS):
         rest = counts & ~objects
         if not objects.any() or not rest.any():
             break
@@ -456,14 +450,14 @@ def _distance(objects: Bools, size: tuple[float, ...], fine: int = 1) -> Floats3
     """Return the distance to the background, blurred, in pixels of which each is `fine` of those of the objects."""
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-    sigmas = [SETTINGS.blur_of_distance * fine / side for side in size]
+    sigmas = [SETTINGS.blurs[0] * fine / side for side in size]
     away = distance_transform_edt(objects, size).astype(np.float32)
     return np.asarray(gaussian_filter(away, sigmas, mode="nearest") / fine)
 
 
 def _at_necks(distance: Floats32, objects: Bools) -> Ints:
     """Label the parts of objects between necks that are narrow for their own size."""
-    height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(SETTINGS.offset))
+    height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(SETTINGS.blurs[0]))
     return split_at_saddles(height, objects, SETTINGS.depth)
 
 
@@ -530,10 +524,7 @@ def _ground(objects: Bools) -> Bools:
     from scipy.ndimage import distance_transform_edt, label
 
     pores, n_pores = label(~objects)
-    is_ground = np.zeros(n_pores + 1, np.bool_)
-    for axis in range(objects.ndim):
-        for end in (0, -1):
-            is_ground[np.unique(pores.take(end, axis))] = True
+    is_ground = at_edges(pores)
     sizes = np.bincount(pores.ravel(), minlength=n_pores + 1)
     sizes[0] = 0
     is_ground[sizes.argmax()] = True

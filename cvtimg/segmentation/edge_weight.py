@@ -44,8 +44,8 @@ _ALMOST_NONE = 9e-4
 _MAX_SWEEPS = 1000
 #: Rows of a stripe at least: of 12 megapixels, 16 threads have some each.
 _STRIPE = 64
-#: Pixels up to this distance tell over which area what a segment does not explain is correlated.
-_CORRELATED = 3
+#: Pixels are near each other up to this distance by default, and correlated where a segment does not explain them.
+RADIUS = 3
 #: Pixels of which variances are taken; up to four times as many where rows are long.
 _ENOUGH_SAMPLES = 1 << 14
 #: Regions of an image of more pixels move in a smaller one in memory, whose sides are halved until it has no more.
@@ -128,7 +128,7 @@ class Layers(NamedTuple):
 class Moves(NamedTuple):
     """Which transfers lower the energy, and which are allowed."""
 
-    radius: int = 3  # pixels are near each other up to this distance
+    radius: int = RADIUS  # pixels are near each other up to this distance
     volume_power: float = 0  # cells count by their share of the mass to this power
     connected: bool = False  # whether cells must stay in one piece
     planes: Planes | None = None  # those of a volume, or none: an image
@@ -234,17 +234,13 @@ class State:
         energies, converged = self._settle(weight, max_sweeps)
         return energies, weight, converged
 
-    def _weight_of_regions(self, least: float, most: float) -> float:
-        """Return the least edge weight or, if there is a most, between them what the least description says."""
-        return self._describe(least, most) if most else least
-
     def _move_regions(self, of_pixels: float, least: float, most: float) -> float:
         """Move regions, of a large image in a smaller one, and return the edge weight to go on with."""
         (height, width, _), margin = self._shape, self._margin
         if self._moves.planes or height * width <= _ENOUGH_PIXELS:
             cells = self._cells()
             for _ in range(self._moves.n_rounds):
-                weight = self._weight_of_regions(least, most)
+                weight = self._describe(least, most)
                 if not self._rearrange(cells, weight):
                     break
                 self._settle(max(weight, of_pixels), _SWEEPS_BETWEEN)
@@ -265,7 +261,7 @@ class State:
             blocks = rows[y], columns[x]
             labels[y, x] = np.where(labels[y, x] == before[blocks], after[blocks], labels[y, x])
         self._changed()
-        return max(self._weight_of_regions(least, most), of_pixels)
+        return max(self._describe(least, most), of_pixels)
 
     def _changed(self) -> None:
         """Measure labels that have been written."""
@@ -279,10 +275,13 @@ class State:
         """Set what pixels cost in each segment by its variance, and return the edge weight of regions.
 
         A segment of the variance C describes n pixels in n / 2 A ln C nats beyond what all have, and an edge takes ln 3
-        for each pixel of its length, as a chain code. A is the area over which pixels are correlated.
+        for each pixel of its length, as a chain code. A is the area over which pixels are correlated. If the most is 0,
+        it is the least weight that holds.
         """
+        if not most:
+            return least
         radius, planes, margin = self._moves.radius, self._moves.planes, self._margin
-        lags = [(down, right) for _, down, right in neighbors(min(radius, _CORRELATED)) if (down, right) > (0, 0)]
+        lags = [(down, right) for _, down, right in neighbors(min(radius, RADIUS)) if (down, right) > (0, 0)]
         n_labels, means = len(self.rates), self.cells.means
         products, counts = np.zeros((2, len(lags) + 1, n_labels))
         n_rows = -(-_ENOUGH_SAMPLES // (self._shape[1] * len(self._stripes)))
@@ -454,7 +453,7 @@ def cells_at_edges(values: Floats32, inside: Bools, n_cells: int) -> Ints:
 def compactness_of(values: Floats32, cells: Ints) -> float:
     """Return the edge weight of details of one pixel that differ as two pixels of a cell do."""
     within = float(moments_of(values, cells).energies.sum() / np.count_nonzero(cells))
-    return 2 * within * weight_of_detail(1, 3)
+    return 2 * within * weight_of_detail(1, RADIUS)
 
 
 def halved(values: Floats32) -> Floats32:

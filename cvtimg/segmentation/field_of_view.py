@@ -6,10 +6,8 @@ import numpy as np
 
 from cvtimg._shared.threads import one_blas_thread
 from cvtimg._shared.types import Bools, Floats32
-from cvtimg.segmentation.touching import FOR_CONTRAST
+from cvtimg.segmentation.touching import FOR_CONTRAST, ROUNDS
 
-#: Share of the pixels next to a margin that have its value, above which it is no margin but the ground.
-_GROUND = 0.1
 #: Width of what hangs on to a field without being part of it, of the shorter side.
 _HANGING = 0.02
 #: Least share of its convex hull that a field fills: if its surroundings are objects, which may lie at its rim, and if
@@ -17,12 +15,13 @@ _HANGING = 0.02
 CONVEX, _SMOOTH = 0.93, 0.97
 #: Least number of objects on a field that is itself brighter or darker than the ground: fewer are holes of an object.
 SEVERAL = 3
-#: Least shares of the image that a field has and what is around it, and of the rim of the image that this has.
+#: Least shares of the image that a field has (of what is next to a margin: the ground) and what is around it, and of
+#: the rim of the image that this has.
 _LEAST_FIELD, _LEAST_AROUND, _LEAST_RIM = 0.1, 0.005, 0.25
 #: Pixels of the least thing that counts as an object in a field.
 _SPECK = 9
-#: Degree of the polynomial of light, rounds of its fit, and pixels that are enough for it.
-_DEGREE, _ROUNDS, _ENOUGH_PIXELS = 4, 20, 1 << 12
+#: Degree of the polynomial of light, and pixels that are enough for it.
+_DEGREE, _ENOUGH_PIXELS = 4, 1 << 12
 
 
 def within_margins(gray: Floats32, inside: Bools) -> Bools:
@@ -47,7 +46,7 @@ def _without_margin(gray: Floats32, axis: int, end: int, kept: slice) -> slice:
     flat = lines.min(axis=1) == lines.max(axis=1)
     width = int(np.argmin(flat)) if not flat.all() else 0
     # The last lines of a margin may be ground: noise-free images have much of it, of one value.
-    while width and np.mean(lines[width] == lines[width - 1, 0]) >= _GROUND:
+    while width and np.mean(lines[width] == lines[width - 1, 0]) >= _LEAST_FIELD:
         value = lines[width - 1, 0]
         while width and lines[width - 1, 0] == value:
             width -= 1
@@ -181,7 +180,7 @@ def _light(values: Floats32, inside: Bools) -> Floats32:
     is_term = np.add.outer(range(_DEGREE + 1), range(_DEGREE + 1)) <= _DEGREE
     terms = polyvander2d(down[y], right[x], [_DEGREE, _DEGREE])[:, is_term.ravel()]
     some, weights, factors = values[y, x].astype(np.float64), np.ones(len(y)), np.zeros(is_term.shape)
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         weighted = (terms * weights[:, None]).T
         factors[is_term] = np.linalg.lstsq(weighted @ terms, weighted @ some)[0]
         misses = np.abs(some - terms @ factors[is_term])

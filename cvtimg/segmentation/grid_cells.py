@@ -19,15 +19,13 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.types import Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import grid_of_cells
-from cvtimg.segmentation.edge_weight import EdgeWeighted, compactness_of, descend, doubled, halved
+from cvtimg.segmentation.edge_weight import RADIUS, EdgeWeighted, compactness_of, descend, doubled, halved
 from cvtimg.segmentation.frames import frame_of
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.values import picture_values
 
-#: Pixels are near each other up to this distance.
-_RADIUS = 3
 #: Sides of cells at least, in pixels of half the size, to settle there first: of cells of 10, 1 % shrink to specks.
 _LEAST_SIDE = 12
 
@@ -81,7 +79,7 @@ def superpixels(
     cells = grid_of_cells(values.inside, n_superpixels)
     weight = given
     if weight is None:  # the variance within cells, or the noise where that needs more
-        weight = max(compactness_of(field, cells), auto_weight(noise_covariance(field, values.inside), _RADIUS))
+        weight = max(compactness_of(field, cells), auto_weight(noise_covariance(field, values.inside), RADIUS))
     descent = _settled(field, cells, weight, bool(values.inside.all()))
     result = from_labels(values, field, descent.labels, descent, weight)
     return replace(result, labels=frame.back(result.labels, known.shape))

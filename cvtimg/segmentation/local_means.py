@@ -9,9 +9,8 @@ import numpy as np
 from cvtimg._shared.types import Array, Bools, Floats32
 from cvtimg.engine.tessellation import tessellate
 
-#: Light varies over this share of the longer side, then, to follow it into the corners, over half of that. It is found
-#: on this number of pixels.
-_REACHES_OF_LIGHT, _ENOUGH_PIXELS = (0.125, 0.0625), 1 << 18
+#: Light and means vary over this share of the longer side; light is found on this number of pixels.
+REACH, _ENOUGH_PIXELS = 0.125, 1 << 18
 _BLOCKS_IN_REACH = 4
 _MAX_ROUNDS = 12
 #: Where few pixels are near, the mean of all counts for this share of a neighborhood.
@@ -25,7 +24,7 @@ def in_even_light(values: Floats32, inside: Bools, n_segments: int, rng: int | n
     apart = max(int(np.sqrt(inside.size / _ENOUGH_PIXELS)), 1)
     some, known = values[::apart, ::apart], inside[::apart, ::apart]
     means: Array = np.broadcast_to(some[known].mean(axis=0), some.shape)
-    for share in _REACHES_OF_LIGHT:
+    for share in (REACH, REACH / 2):  # the latter to follow light into the corners
         reach, light = [share * max(known.shape)] * 2, np.ones(0, np.float32)
         for _ in range(_MAX_ROUNDS):
             before = light

@@ -16,7 +16,7 @@ import numpy as np
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.types import Floats, Floats32, Ints, Ints64
 from cvtimg.labels.components import find_borders
-from cvtimg.segmentation.touching import largest_by_label
+from cvtimg.segmentation.touching import ROUNDS, largest_by_label
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +33,9 @@ class Ripples:
     mean: float = 2.9  # of ripples, in standard deviations; larger joins more
     neck: float = 0.7  # scale of the Rayleigh distribution of necks, in radii of the smaller part; larger joins more
     deepest: float = 1.5  # of necks, in the same; larger makes deep necks less likely
-    prior: float = 1.0  # cuts of either kind that are taken as seen; larger draws the share of necks to a half
 
 
 RIPPLES = Ripples()
-#: Rounds of expectation and maximization; the share of necks settles in twenty.
-_ROUNDS = 50
 #: Half the side of the window around a cut in which parts are to be concave, in radii of the smaller part.
 _REACH = 2.0
 
@@ -72,9 +69,9 @@ def _odds_of_necks(depths: Floats, narrowings: Floats, radii: Floats, noise: flo
     scaled = np.minimum(sizes / radii, 2.0) / RIPPLES.neck
     as_neck = (scaled * np.exp(-0.5 * scaled**2) / RIPPLES.neck + 1 / RIPPLES.deepest) / (2 * radii)
     share, odds = 0.5, np.ones(len(sizes))
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         odds = share * as_neck / (share * as_neck + (1 - share) * as_ripple)
-        share = (float(odds.sum()) + RIPPLES.prior) / (len(odds) + 2 * RIPPLES.prior)
+        share = (float(odds.sum()) + 1) / (len(odds) + 2)  # as if a cut of either kind had been seen
     return np.where(np.isfinite(depths), odds, 1.0)
 
 

@@ -31,6 +31,8 @@ _LESS_IN_QUIET = 0.674
 _FLAT = 0.5
 #: Second differences of near pixels are correlated: this many count as one that is not.
 _PIXELS_THAT_COUNT = 3.78
+#: Median distance of normal noise from its median, in standard deviations.
+MEDIAN_OF_NORMAL = 0.6745
 #: Part of the narrowest light that a lens draws, of a width of .35 pixels, that the next pixel has; impulses have none.
 _NEXT_TO_LIGHT = 1 / 64
 
@@ -109,8 +111,8 @@ def without_impulses(plane: Floats32) -> Floats32:
 
     around = median_filter(plane, 3)
     away = np.abs(plane - around)
-    # The largest of this many values of normal noise, whose median distance from the median is .6745 deviations.
-    out = float(np.median(away)) / 0.6745 * np.sqrt(2 * np.log(plane.size))
+    # The largest of this many values of normal noise.
+    out = float(np.median(away)) / MEDIAN_OF_NORMAL * np.sqrt(2 * np.log(plane.size))
     hits = away > out
     y, x = np.nonzero(hits)
     padded = np.pad(plane, 1, mode="reflect" if min(plane.shape) > 1 else "edge")

@@ -14,14 +14,13 @@ from cvtimg._shared.types import Floats, Floats32, Ints
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
-from cvtimg.segmentation.edge_weight import EdgeWeighted, Planes, descend, length_cost
+from cvtimg.segmentation.edge_weight import RADIUS, EdgeWeighted, Planes, descend, length_cost
 from cvtimg.segmentation.noise import averaged, noise_covariance, noise_gain
 from cvtimg.segmentation.values import PictureValues
 
 #: The edge weight "auto" is at least this multiple of the variance of noise, at a radius of 3: for three shapes under
 #: noise of a quarter to all of their contrast, the most pixels are right from 0.3 to 0.4.
 _AUTO_WEIGHT = 0.35
-_RADIUS_OF_AUTO = 3
 #: A region averages the noise of its pixels: its edge weight need be but this part of theirs. An edge is described in
 #: ln 3 nats for each pixel of its length, as by a chain code, and these cost 36 edge weights, in units of 2 variances.
 _OF_REGIONS = 2 * log(3) / 36 / _AUTO_WEIGHT
@@ -29,8 +28,6 @@ _OF_REGIONS = 2 * log(3) / 36 / _AUTO_WEIGHT
 _MOST_MOVED = 64
 #: How regions move with the best effort, which lowers the energy by another 0.5 %.
 _THOROUGH = {"n_cells": 2000, "n_rounds": 2}
-#: Radius of a detail in pixels: where "auto" decides what counts, larger ones that are as different as any always do.
-_DETAIL_AT_MOST = 1.0
 #: The descent starts from segments of the image averaged until the noise is this part of the remaining variance.
 _NOISE_AT_START = 0.25
 _LARGEST_START = 5.0
@@ -66,7 +63,8 @@ class Smoothness:
         """Check the arguments of `segment` by these names."""
         radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
         given = check_edge_weight(smallest_detail, "smallest_detail")
-        detail, described = (_DETAIL_AT_MOST, not volume_power) if given is None else (given, False)
+        # Where "auto" decides what counts, details larger than a pixel that are as different as any always do.
+        detail, described = (1.0, not volume_power) if given is None else (given, False)
         check_non_negative("averaging", averaging)
         check_in_range("averaging", averaging, averaging <= _LARGEST_AVERAGING, f"<= {_LARGEST_AVERAGING} pixels")
         weight = check_edge_weight(edge_weight)
@@ -132,7 +130,7 @@ class Prepared:
 def auto_weight(noise: Floats, radius: int, planes: Planes | None = None) -> float:
     """Follow the noise in the direction where it is greatest, at the same cost of length for every radius."""
     variance = max(float(np.linalg.eigvalsh(noise)[-1]), 0.0)
-    return _AUTO_WEIGHT * variance * length_cost(_RADIUS_OF_AUTO) / length_cost(radius, planes)
+    return _AUTO_WEIGHT * variance * length_cost(RADIUS) / length_cost(radius, planes)
 
 
 def blur_at_start(variance: float, noise: Floats, n_segments: int) -> float:

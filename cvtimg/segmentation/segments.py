@@ -25,10 +25,6 @@ from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.touching import Objects
 from cvtimg.segmentation.values import at_pixels, picture_values
 
-_MAX_SEGMENTS = 1 << 16
-#: Parts of the time until their number is picked, and until segments are found but for their neighbors.
-_CURVE, _CELLS = 0.4, 0.6
-
 
 def segment(
     image: ImageLike,
@@ -128,7 +124,7 @@ def segment(
     check_excluded("objects", bool(objects), components=components)
     size, color_space = int(check_non_negative("min_size", min_size)), check_choice("space", space, SPACES)
     if n_segments != "auto":
-        check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
+        check_count("n_segments", n_segments, 1 << 16, "the largest number of segment colors")
     bands, known, size_of_voxels = checked_bands(image, spacing, mask)
     shape, planes, frame = known.shape, None, frame_of(bands, known)
     bands, known = frame.of(bands), frame.of(known)
@@ -141,16 +137,16 @@ def segment(
     prepared = smoothness.prepare(values, shaded)
     curve = None
     if n_segments == "auto":
-        with part(0, _CURVE):
+        with part(0, 0.4):  # of the time
             curve = curve_of_segments(prepared, CHORD_ENDS, rng)
         n_segments = curve.elbow()
     n_cells = min(n_segments, values.samples.n_colors)
     start = prepared.start(n_cells)
     samples: Any = values.samples if start is None else start[values.inside]
-    with part(_CURVE if curve else 0, _CELLS):
+    with part(0.4 if curve else 0, 0.6):
         cells = tessellate(samples, n_cells, effort=effort, volume_power=volume_power, rng=rng)
     own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
-    with part(_CELLS, 1):
+    with part(0.6, 1):
         labels, descent = prepared.settle(at_pixels(own + np.int32(1), values.inside), n_cells)
     weight, field = descent.edge_weight if descent else 0.0, prepared.field
     if components or size or objects:  # pieces and objects are numbered as the image is read

@@ -33,8 +33,6 @@ from cvtimg.segmentation.prepared import Smoothness, blur_at_start
 from cvtimg.segmentation.result import SegmentedFile, sorted_ends
 from cvtimg.segmentation.values import at_pixels, values_of
 
-#: Labels have 8 or 16 bits, and 0 is outside the mask.
-_MOST_SEGMENTS = 65535
 #: Averages of a noisy image from which its segments start, or a few more.
 _ENOUGH_AVERAGES = 1 << 20
 #: Pixels of a strip. Values, labels and temporary arrays take about 100 bytes per pixel.
@@ -109,7 +107,7 @@ def segment_file(
     ([[1, 1, 2], [1, 2, 2]], [11.0, 201.0])
     """
     check_choice(f"{target}: suffix", Path(target).suffix.lower(), TILED_SUFFIXES)
-    check_count("n_segments", n_segments, _MOST_SEGMENTS, "the most labels of 16 bits")
+    check_count("n_segments", n_segments, 65535, "the most labels of 16 bits")
     check_choice("space", space, SPACES)
     smoothness = Smoothness.checked(0, edge_weight, edge_radius, smallest_detail, effort=effort)
     stack = open_stack(source, mask, nodata, tiles=True, max_pixels=max_pixels)

@@ -27,10 +27,6 @@ from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy, altitudes_between
 from cvtimg.segmentation.values import PictureValues, in_whole_numbers, picture_values
 
-_MOST_LEAVES = 1 << 16
-#: Parts of the time until leaves are sought, and until those of the whole image are found.
-_READY, _FULL_SIZE = 0.2, 0.7
-
 
 def segment_hierarchy(
     image: ImageLike, *, n_leaves: int = 1000, space: SpaceName = "lab", mask: ArrayLike | None = None
@@ -78,7 +74,7 @@ def segment_hierarchy(
     (24, [1, 1, 1, 2, 2, 2])
     """
     check_choice("space", space, SPACES)
-    check_count("n_leaves", n_leaves, _MOST_LEAVES, "the most leaves")
+    check_count("n_leaves", n_leaves, 1 << 16, "the most leaves")
     array, inside = check_partial_image("image", image, mask)
     if array.shape[2] in (2, 4) and (array[..., -1][inside] == white_of(array.dtype)).all():
         array = np.ascontiguousarray(array[..., :-1])  # as an alpha that is opaque, though none is declared
@@ -89,12 +85,12 @@ def segment_hierarchy(
     factor = reduction(inside.size)
     seen, seen_inside = reduced(array, inside, factor) if factor > 1 else (array, inside)
     values = picture_values(seen, space, seen_inside)
-    with part(_READY, _FULL_SIZE):
+    with part(0.2, 0.7):  # of the time
         leaves = find_leaves(values, find_channels(values), n_leaves)
     if inside.size >= SETTINGS.enough_pixels:
         smaller, smaller_inside = reduced(seen, seen_inside, 2)
         half = picture_values(smaller, space, smaller_inside)
-        with part(_FULL_SIZE, 1):
+        with part(0.7, 1):
             leaves = aligned(leaves, find_leaves(half, find_channels(half), max(n_leaves // 2, 1)))
     if factor > 1:
         leaves = enlarged(leaves, array, inside, factor)
@@ -123,13 +119,13 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
     if not len(coarse.borders.pairs):
         return leaves
     between = altitudes_between(coarse.borders.pairs, *coarse.merged(), len(coarse.sizes))
-    near = maximum_filter(coarse.borders.on_pixels(between, coarse.labels.shape), 2 * SETTINGS.near + 1)
+    near = maximum_filter(coarse.borders.on_pixels(between, coarse.labels.shape), 3)
     borders = leaves.borders
     seen = near[tuple(borders.places.T // 2)].astype(np.float64)
     if not len(seen):
         return leaves
     means = np.add.reduceat(seen, borders.starts[:-1]) / borders.lengths
-    weight = SETTINGS.coarse_weight
+    weight = SETTINGS.other_view
     strengths = (leaves.strengths + weight * means) / (1 + weight**2)
     near_altitudes = altitudes_between(borders.pairs, *leaves.merged(), len(leaves.sizes))
     return replace(leaves, strengths=strengths, near_and_far=(near_altitudes, means))
@@ -172,7 +168,7 @@ def default_threshold(lengths: Ints, altitudes: Floats, explained: float) -> flo
     # `explained` is the part of the variance of the image that the means of the leaves have.
     order = np.argsort(-altitudes, kind="stable")
     power = np.cumsum(lengths[order] * altitudes[order] ** 2)
-    if explained < SETTINGS.explained or not len(power) or power[-1] <= 0:
+    if explained < SETTINGS.most or not len(power) or power[-1] <= 0:
         return SETTINGS.threshold
     n_above = np.count_nonzero(altitudes > SETTINGS.threshold)
     if n_above and power[n_above - 1] >= SETTINGS.hardly_any * power[-1]:

@@ -11,7 +11,7 @@ from cvtimg._shared.progress import part
 from cvtimg._shared.types import Floats, Ints
 from cvtimg.labels.components import Borders, absorb_small, find_borders, grid_of_cells
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
-from cvtimg.segmentation.edge_weight import descend, moments_of
+from cvtimg.segmentation.edge_weight import RADIUS, descend, moments_of
 from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.strengths import border_strengths, global_strengths, smoothing_matrix
@@ -19,9 +19,6 @@ from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.touching import numbered
 from cvtimg.segmentation.values import PictureValues
-
-#: Part of the time that superpixels take.
-_DIVIDED = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +48,7 @@ class Leaves:
 
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:
     """Divide an image into about the given number of superpixels, and measure them."""
-    with part(0, _DIVIDED):
+    with part(0, 0.5):  # superpixels take half of the time
         labels = _superpixels(channels, n_leaves)
     cells = moments_of(values.field(), labels)
     sizes, means = cells.masses[1:, 0].copy(), cells.means[1:]
@@ -66,14 +63,14 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
         histograms=_histograms(labels[values.inside] - 1, len(sizes), channels),
         borders=borders,
         # Eigenvectors have slopes even where there is nothing to see: they can only confirm other evidence.
-        strengths=strengths + np.minimum(SETTINGS.global_weight * steps, strengths),
+        strengths=strengths + np.minimum(SETTINGS.other_view * steps, strengths),
     )
 
 
 def _superpixels(channels: Channels, n_leaves: int) -> Ints:
     """(H, W) superpixels, numbered from 1 without gaps; 0 outside the mask."""
     cells = grid_of_cells(channels.inside, min(n_leaves, int(channels.inside.sum())))
-    weight = max(SETTINGS.compactness, auto_weight(noise_covariance(channels.values, channels.inside), radius=3))
+    weight = max(SETTINGS.compactness, auto_weight(noise_covariance(channels.values, channels.inside), RADIUS))
     settled = descend(channels.values, cells, int(cells.max()), edge_weight=weight, connected=True).labels
     # Few pixels have no histogram that could be compared: they would stay regions of their own to the top.
     return numbered(absorb_small(settled, channels.values, int(channels.inside.sum()) // n_leaves // SETTINGS.speck))

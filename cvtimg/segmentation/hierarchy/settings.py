@@ -47,11 +47,7 @@ class Settings:
     n_vectors: int = 16  # slow vibrations of the springs between leaves
     softness: float = 0.3  # strength that weakens a spring by e
     least_spring: float = 1e-6  # no spring is weaker
-    global_weight: float = 0.6  # of steps of vibrations across a border
-    coarse_weight: float = (
-        0.6  # of the hierarchy of the image at half its size, and what its strengths are of those of the whole
-    )
-    near: int = 1  # pixels of the half within which borders of the two are the same
+    other_view: float = 0.6  # weight of steps of vibrations across a border, and of the image at half its size
     # merges: how much regions differ
     color: float = 0.5  # weight of the chi-square distance of their histograms in each channel of color
     texture: float = 0.8  # the same of textons
@@ -71,8 +67,7 @@ class Settings:
     threshold: float = 0.5  # the best single one against regions that people drew
     least_threshold: float = 0.25  # noise stays below this
     hardly_any: float = 0.15  # share of the power of borders above the threshold: with less, it is lowered ...
-    most: float = 2 / 3  # ... until they have this share
-    explained: float = 2 / 3  # leaves that explain less of the variance lie in noise or texture: it stays
+    most: float = 2 / 3  # ... until they have this share, unless leaves explain less of the variance: noise or texture
 
 
 #: Those of `segment_hierarchy`.
