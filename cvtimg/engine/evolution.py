@@ -20,10 +20,10 @@ from cvtimg.engine.seeding import SEEDINGS, Seeding, random, seed_sets
 
 #: Energies nearer to each other than this fraction, of sets at rest, are taken to be of the same tessellation.
 _SAME = 1e-6
-
-
-#: Energies of the first ends, in that number, are alike within this fraction. So are those of separated clusters.
-_ALIKE, _ENDS_ALIKE = 1e-5, 3
+#: Ends that are alike are enough of them.
+ENDS_ALIKE = 3
+#: Energies of the first ends are alike within this fraction. So are those of separated clusters.
+_ALIKE = 1e-5
 #: Elders from seeds of k-means++ with swaps, of which there is one for this number of generators.
 _SEEDED, _GENERATORS_PER_SWAP = 4, 4
 #: Elders from random seeds cost a descent each, which up to this product of rows, columns and generators takes
@@ -89,13 +89,13 @@ def _elders(
     """Descend from seeds with swaps, and from others where that takes little time, unless the first ends are alike."""
     n_products = points.tiles.size * (n_generators + _MOVING)
     n_swaps = max(1, n_generators // _GENERATORS_PER_SWAP)
-    n_seeded = _SEEDED if n_products < _LARGE else _ENDS_ALIKE
+    n_seeded = _SEEDED if n_products < _LARGE else ENDS_ALIKE
 
     def descend(n_sets: int) -> Ends:
         given = np.repeat(fixed[None], n_sets, axis=0)
         return transfer_of_sets(points, seed_sets(points, given, n_generators, n_swaps, conditions.rng), conditions)
 
-    first = descend(_ENDS_ALIKE)
+    first = descend(ENDS_ALIKE)
     alike = first.energies.max() <= first.energies.min() * (1 + _ALIKE)
     if alike and n_products >= effort.hasty_from:
         return Ends(first.generators[:1], first.energies[:1])
@@ -103,7 +103,7 @@ def _elders(
     seedings += [SEEDINGS[init]] if init != "split" else []
     seeds = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
     others = [transfer_of_sets(points, np.stack([np.concatenate([fixed, some])]), conditions) for some in seeds]
-    more = [descend(n_seeded - _ENDS_ALIKE)] if n_seeded > _ENDS_ALIKE else []
+    more = [descend(n_seeded - ENDS_ALIKE)] if n_seeded > ENDS_ALIKE else []
     elders = Ends(*(np.concatenate(all_) for all_ in zip(first, *more, *others, strict=True)))
     first_of_all = np.repeat(elders.generators[:1], len(elders.energies) - 1, axis=0)
     elders.generators[1:] = _crossed(

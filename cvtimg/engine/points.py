@@ -13,6 +13,7 @@ import cvtimg.engine._kernels as _kernels
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Array, Floats, Indices, Ints
+from cvtimg.blocks.passes import PIECE_ROWS
 
 #: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
 #: so that sums have the same bits for any number of threads.
@@ -20,8 +21,6 @@ _MAX_PARTS = 32
 _MIN_TILES = 256
 #: Ruling out generators that cannot be nearest pays off from this number of generators on.
 GROUPED_FROM = 40
-#: Any center near the points will do: the mean of at most this many rows.
-_CENTER_ROWS = 1 << 20
 #: Energies below this fraction of the energy about the origin are rounding errors of means of float32 samples.
 _ROUNDING = 1e-24
 #: Largest rounding errors, by the number that is rounded.
@@ -140,7 +139,7 @@ def pack(
 
 
 def _mean(rows: Array, density: Floats) -> Floats:
-    some, weights = rows[:_CENTER_ROWS], density[:_CENTER_ROWS]
+    some, weights = rows[:PIECE_ROWS], density[:PIECE_ROWS]  # any center near the points will do
     if not weights.any():
         center: Floats = some.mean(axis=0, dtype=np.float64)
     else:

@@ -14,7 +14,7 @@ import numpy as np
 
 from cvtimg._shared.progress import part
 from cvtimg._shared.types import Floats
-from cvtimg.engine.evolution import Evolution, evolve
+from cvtimg.engine.evolution import ENDS_ALIKE, Evolution, evolve
 from cvtimg.engine.methods import Conditions, Iteration, Method, Stopping
 from cvtimg.engine.methods.breathing import breathe
 from cvtimg.engine.points import Points, coarsen, thin
@@ -52,8 +52,8 @@ EFFORTS: dict[str, SearchEffort] = {
 
 #: From this number of rows for each that is searched, a pass over all takes longer than the best search.
 _FAR_MORE = 8
-#: Searching ends once this many ends are within this fraction of the lowest: with few generators nearly all are.
-_AGREEING, _ABOUT = 3, 5e-4
+#: Searching ends once ends are within this fraction of the lowest: with few generators nearly all are.
+_ABOUT = 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
 _STARTS_TIMES_GENERATORS = 512
 #: How many points a search needs: for each generator, and in total.
@@ -103,7 +103,7 @@ def search(
 def _agree(ends: list[Iteration]) -> bool:
     """Whether enough searches ended near the lowest energy that another would hardly end below it."""
     energies = [end.energies[-1] for end in ends]
-    return sum(energy <= min(energies) * (1 + _ABOUT) for energy in energies) >= _AGREEING
+    return sum(energy <= min(energies) * (1 + _ABOUT) for energy in energies) >= ENDS_ALIKE
 
 
 def fewer_points(points: Points, n_generators: int, enough: tuple[int, int], rng: np.random.Generator) -> Points:

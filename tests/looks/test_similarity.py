@@ -24,15 +24,6 @@ def test_it_equals_the_reference(rows: int, columns: int, tmp_path: Path) -> Non
     assert visual_quality(original, original // 32 * 32 + 16) == pytest.approx(expected, abs=0.01)
 
 
-def test_types_agree() -> None:
-    worse = COFFEE // 16 * 16
-    wide = [image.astype(np.uint16) * 257 for image in (COFFEE, worse)]
-    unit = [image / 255 for image in (COFFEE, worse)]
-    expected = visual_quality(COFFEE, worse)
-    assert visual_quality(*wide) == pytest.approx(expected, abs=1e-3)
-    assert visual_quality(*unit) == pytest.approx(expected, abs=1e-3)
-
-
 def test_what_is_transparent_is_not_seen() -> None:
     clear = np.dstack([COFFEE, np.zeros(COFFEE.shape[:2], np.uint8)])
     other = clear.copy()

@@ -101,15 +101,6 @@ def test_merged_neighbors_begin_palettes_as_good_as_searched_ones() -> None:
         assert energies[0] < 1.05 * energies[1]
 
 
-def test_weights_count_as_repeated_pixels(photograph: NDArray[Any]) -> None:
-    picture = photograph[::4, ::4]
-    weights = np.random.default_rng(1).integers(1, 4, picture.shape[1])
-    repeated = np.repeat(picture, weights, axis=1)
-    result = quantize(picture, 12, weights=np.broadcast_to(weights, picture.shape[:2]))
-    np.testing.assert_array_equal(result.palette, quantize(repeated, 12).palette)
-    assert result.energy == pytest.approx(reference.seen_energy(picture, result.image))
-
-
 def test_what_has_no_weight_gets_no_colors(photograph: NDArray[Any]) -> None:
     picture = photograph[:64, :64].copy()
     picture[:, :32] = np.arange(0, 256, 8, dtype=np.uint8)[:, None]

@@ -18,6 +18,8 @@ from cvtimg._shared.types import Array
 from cvtimg.quantization.dithering import DITHERS
 
 Image = Array
+#: How often each of 44 columns stands in a picture, where weights are repetition.
+TIMES = 1 + np.arange(44) % 3
 
 
 def gray_picture(rng: np.random.Generator, shape: tuple[int, int] = (32, 44)) -> Image:
@@ -144,6 +146,11 @@ OF_DRAWINGS: dict[str, Callable[[Image], Any]] = {
     "mosaic": lambda image: cvtimg.mosaic(image, 30).labels,
 }
 
+
+def of_repeated(image: Image, weights: Array | None = None) -> Any:
+    return cvtimg.quantize(image, 12, weights=weights).palette
+
+
 RELATIONS = (
     [
         Relation(verb, f"{change}, {inputs.__name__}", inputs, before, form, follows, "2026-11-27", rival=result)
@@ -184,7 +191,14 @@ RELATIONS = (
             close(1e-6),
             since="2026-11-28",
             rival=lambda image: cvtimg.quantize(image, 6).palette[:5],
-        )
+        ),
+        beside(
+            "quantize",
+            "weights as repetition",
+            color_picture,
+            lambda image: of_repeated(np.repeat(image, TIMES, axis=1)),
+            lambda image: of_repeated(image, np.broadcast_to(TIMES, image.shape[:2])),
+        ),
     ]
 )
 test_a_result_follows_its_picture, test_a_result_follows_any_picture = quick_and_wide(RELATIONS)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from reference import same_partition
+from reference import of_three_threads, same_partition
 from relations.relation import Relation, close, equal, quick_and_wide
 from relations.remembering import beside, remembered
 from relations.test_pictures import color_picture, gray_picture
@@ -37,11 +37,17 @@ def in_variances(image: Image) -> float:
     return labels_of(image)[1] / float(np.var(image.astype(float)))
 
 
-@remembered
-def of_volume(volume: Image) -> tuple[Image, float]:
+def volume(rng: np.random.Generator) -> Image:
+    return np.stack([gray_picture(rng, (18, 18)) for _ in range(6)])
+
+
+def divided(volume: Image) -> tuple[Image, float]:
     """Segment a volume."""
     result = segment(volume, 3, spacing=(1.5, 1, 1))
     return result.labels, result.energies[-1]
+
+
+of_volume = remembered(divided)
 
 
 def of_padded(image: Image) -> tuple[Image, float]:
@@ -126,7 +132,7 @@ RELATIONS = [
         Relation(
             "segment",
             f"a volume with its {name} turned over",
-            lambda rng: np.stack([gray_picture(rng, (18, 18)) for _ in range(6)]),
+            volume,
             of_volume,
             lambda volume, axis=axis: np.flip(volume, axis),  # type: ignore[misc]
             same(lambda labels, axis=axis: np.flip(labels, axis)),  # type: ignore[misc]
@@ -134,6 +140,7 @@ RELATIONS = [
         )
         for axis, name in enumerate(("planes", "rows", "columns"))
     ),
+    beside("segment", "a volume in three threads", volume, of_volume, of_three_threads(divided), same(np.array)),
     beside(
         "segment",
         "its own output",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from functools import partial
 from io import StringIO
@@ -87,9 +88,9 @@ def lossless(pixels: Pixels) -> int:
         return path.stat().st_size
 
 
-def loss(pixels: Pixels) -> float:
-    """Return what the content of a logo loses to levels in steps of 48."""
-    return 100 - cvtimg.content_quality(pixels, pixels // 48 * 51)
+def loss(pixels: Pixels, form: Callable[[Pixels], Pixels] = np.asarray) -> float:
+    """Return what the content of a logo loses to levels in steps of 48, both in another form."""
+    return 100 - cvtimg.content_quality(form(pixels), form(pixels // 48 * 51))
 
 
 def on_canvas(pixels: Pixels) -> Pixels:
@@ -108,6 +109,10 @@ RELATIONS = [
     beside("quantize_file", "its own output", opaque, fed_back, lambda a: len(file_of(a)), not_above(), TOLD),
     beside("quantize_file", "the file", PHOTOGRAPH, lambda a: len(file_of(a)), lossless, not_above(), TOLD),
     Relation("content_quality", "a canvas", lambda rng: on_canvas(opaque(rng)), loss, on_canvas, close(1e-6), TOLD),
+    *(
+        beside("content_quality", name, PHOTOGRAPH, loss, partial(loss, form=form), close(1e-4))
+        for name, form in {"16 bits": lambda a: a * np.uint16(257), "floats in 0..1": lambda a: a / 255}.items()
+    ),
     Relation("content_quality", "three equal bands", PHOTOGRAPH, loss, lambda a: np.dstack([a] * 3), close(1e-3), TOLD),
 ]
 test_a_result_follows_its_input, test_a_result_follows_any_input = quick_and_wide(RELATIONS)

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference import at_threads, edge_weighted_energy
 
-from cvtimg import segment
 from cvtimg._shared.types import Array
 from cvtimg.segmentation.edge_weight import descend
 
@@ -60,15 +59,6 @@ def test_stripes_side_by_side_give_the_energy_of_the_labels_for_any_threads(way:
     expected = edge_weighted_energy(values, one.labels, 0.1, 3, None, way.get("volume_power", 0))
     assert one.energies[-1] == pytest.approx(expected, rel=1e-6)
     assert one.energies[-1] < one.energies[0]
-
-
-def test_stripes_of_a_volume_give_the_same_segments_for_any_threads() -> None:
-    rng = np.random.default_rng(6)
-    shapes = np.indices((40, 24, 16)).sum(axis=0) // 12 % 2
-    volume = np.rint(rng.normal(100 + 60 * shapes, 60)).clip(0, 255)
-    one, three = at_threads(lambda: segment(volume.astype(np.uint8), 4, spacing=(1, 1, 1)))
-    np.testing.assert_array_equal(one.labels, three.labels)
-    assert one.energies == three.energies
 
 
 @settings(max_examples=12)
