@@ -109,23 +109,23 @@ def without_impulses(plane: Floats32) -> Floats32:
     """Replace impulses by medians: pixels that stand out from all around and lend nothing to what is next to them."""
     from scipy.ndimage import label, median_filter
 
-    around = median_filter(plane, 3)
-    away = np.abs(plane - around)
-    # The largest of this many values of normal noise.
-    out = float(np.median(away)) / MEDIAN_OF_NORMAL * np.sqrt(2 * np.log(plane.size))
-    hits = away > out
-    y, x = np.nonzero(hits)
-    padded = np.pad(plane, 1, mode="reflect" if min(plane.shape) > 1 else "edge")
-    near = np.stack([padded[y + down, x + right] for down, right in np.ndindex(3, 3) if (down, right) != (1, 1)])
-    alone = (plane[y, x] > near.max(axis=0, initial=-np.inf) + out) | (plane[y, x] < near.min(axis=0) - out)
-    if not alone.any():
-        return plane
-    sides, corners = near[[1, 3, 4, 6]].mean(axis=0), near[[0, 2, 5, 7]].mean(axis=0)
-    steps = (plane - around)[y, x]
-    if abs(((sides - corners) * np.sign(steps))[alone].mean()) >= _NEXT_TO_LIGHT * np.abs(steps)[alone].mean():
-        return plane
-    # By chance, impulses touch in groups: of n in N pixels, n (8 n / N)^(k - 1) in groups of k.
-    n, pieces = len(y), label(hits, np.ones((3, 3)))[0]
-    chance = 8 * n / plane.size
-    most = 2 + np.log(n) / -np.log(chance) if chance < 1 else np.inf
-    return without_impulses(np.where(hits & (np.bincount(pieces.ravel())[pieces] <= most), around, plane))
+    for _ in range(2):  # what is left of groups that were the median themselves stands out then
+        around = median_filter(plane, 3, mode="mirror")
+        away = np.abs(plane - around)
+        # The largest of this many values of normal noise.
+        out = float(np.median(away)) / MEDIAN_OF_NORMAL * np.sqrt(2 * np.log(plane.size))
+        hits = away > out
+        y, x = np.nonzero(hits)
+        padded = np.pad(plane, 1, mode="reflect" if min(plane.shape) > 1 else "edge")
+        near = np.stack([padded[y + down, x + right] for down, right in np.ndindex(3, 3) if (down, right) != (1, 1)])
+        alone = (plane[y, x] > near.max(axis=0, initial=-np.inf) + out) | (plane[y, x] < near.min(axis=0) - out)
+        steps = (plane - around)[y, x]
+        lent = (near[[1, 3, 4, 6]].mean(axis=0) - near[[0, 2, 5, 7]].mean(axis=0)) * np.sign(steps)
+        if not abs(lent[alone].sum()) < _NEXT_TO_LIGHT * np.abs(steps[alone]).sum():
+            break
+        # By chance, impulses touch in groups: of n in N pixels, n (8 n / N)^(k - 1) in groups of k.
+        n, pieces = len(y), label(hits, np.ones((3, 3)))[0]
+        chance = 8 * n / plane.size
+        most = 2 + np.log(n) / -np.log(chance) if chance < 1 else np.inf
+        plane = np.where(hits & (np.bincount(pieces.ravel())[pieces] <= most), around, plane)
+    return plane
