@@ -1,11 +1,9 @@
 """The loop of all iterations: step until the energy rests, the steps run out, or the caller has seen enough."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from cvtimg._shared.progress import tell
 
@@ -29,7 +27,7 @@ class Stopping:
     max_iterations: int
 
     @classmethod
-    def after(cls, n_steps: int) -> Stopping:
+    def after(cls, n_steps: int) -> Self:
         """Stop after this many steps, unless the energy is 0 before."""
         return cls(0.0, n_steps)
 

@@ -4,12 +4,10 @@ Nobody listens by default, and then nothing but a look at a variable is done. On
 to; threads that share its work need not tell.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 T = TypeVar("T")
 
@@ -21,8 +19,8 @@ class _Listening(NamedTuple):
     start: float = 0.0
     length: float = 1.0
 
-    def part(self, start: float, stop: float) -> _Listening:
-        return _Listening(self.told, self.start + start * self.length, (stop - start) * self.length)
+    def part(self, start: float, stop: float) -> Self:
+        return self._replace(start=self.start + start * self.length, length=(stop - start) * self.length)
 
 
 _listening: ContextVar[_Listening | None] = ContextVar("_listening", default=None)

@@ -1,7 +1,5 @@
 """Run a plan in this process, in workers or on Dask; a failed input does not stop the others."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal
@@ -12,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import time
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from cvtimg._shared.threads import n_threads, pairwise_sum
 from cvtimg.batch.pipes import as_files, deliver
@@ -104,7 +102,7 @@ class Ending:
         usual = (signal.SIG_DFL, signal.default_int_handler)  # nohup ignores HUP, and so do we
         self._before = {number: handler for number, handler in handlers.items() if handler in usual}
 
-    def __enter__(self) -> Ending:
+    def __enter__(self) -> Self:
         for number in self._before:
             signal.signal(number, self._end)
         return self

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from cvtimg._shared.extras import optional
@@ -54,8 +55,6 @@ def design(given: Given) -> Todo:
 
 
 def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from dataclasses import asdict
-
     import cvtimg
     from cvtimg.designs.factors import read_runs
     from cvtimg.files.whole import csv_text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -53,8 +54,6 @@ def mesh(given: Given) -> Todo:
 
 
 def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from dataclasses import asdict
-
     import cvtimg
 
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
@@ -93,8 +92,6 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 
 def _fill(task: Task, stopwatch: Stopwatch, voxels: Array, is_mask: bool, given: Given) -> Row:
-    from dataclasses import asdict
-
     from cvtimg.meshes import mesh_volume
 
     if unfit := given.chosen("size", "plot", "grade", "min_size", "order", "periodic", "name"):

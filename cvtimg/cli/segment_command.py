@@ -147,15 +147,9 @@ def _way(given: Given) -> Callable[..., Segmentation]:
         return partial(cvtimg.superpixels, n_superpixels=given.number, **only(options, ("space", "compactness")))
     if given.number is None:
         chosen_depth = given.neck_depth if given.chosen("neck_depth") else None
-        return partial(
-            count_objects,
-            background=given.background,
-            min_size=given.min_size or None,
-            neck_depth=math.inf if given.no_split else chosen_depth,
-            min_contrast=given.min_contrast,
-            exclude_edges=given.exclude_edges,
-            diameter=given.diameter,
-        )
+        measured = {name: getattr(given, name) for name in ("background", *_COUNTED)}
+        depth = math.inf if given.no_split else chosen_depth
+        return partial(count_objects, min_size=given.min_size or None, neck_depth=depth, **measured)
     neck_depth = math.inf if given.no_split else given.neck_depth
     objects = Objects(given.background, neck_depth) if given.objects else False
     return partial(cvtimg.segment, n_segments=given.number, objects=objects, **options)

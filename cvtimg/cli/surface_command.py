@@ -1,5 +1,7 @@
 """``cvtimg surface``: evenly spaced points and triangles on surfaces."""
 
+from dataclasses import asdict
+
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, plan_of, planned, plot
 
 EXAMPLES = """\
@@ -25,8 +27,6 @@ def surface(given: Given) -> Todo:
 
 
 def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from dataclasses import asdict
-
     import cvtimg
     from cvtimg.surfaces import read_surface
 

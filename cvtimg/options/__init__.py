@@ -4,14 +4,10 @@
 of each verb under its name in capitals. ``--help`` imports this package, so nothing here imports NumPy at its top.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from cvtimg.options.record import Option
+from cvtimg.options.record import Option
 
 #: Where the options of each verb are.
 _MODULES = {

@@ -4,8 +4,6 @@ The parameters of the command line (`cvtimg.cli.commands`), the controls of the 
 commands that the page shows are made from these records.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -14,7 +12,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Self, TypeAlias
 
 from cvtimg._shared.choices import Arguments, Options
 from cvtimg._shared.extras import needs
@@ -64,7 +62,7 @@ class Whole(Real):
 
     __slots__ = ()
 
-    def __new__(cls, low: int, high: int = 2**31 - 1, *others: Any, **more: Any) -> Whole:
+    def __new__(cls, low: int, high: int = 2**31 - 1, *others: Any, **more: Any) -> Self:
         """Make the kind of a count, or of a number of something."""
         return super().__new__(cls, low, high, *others, **more)
 
@@ -202,7 +200,7 @@ class Option(NamedTuple):
             return "N|auto" if self.kind.auto else "N"
         return "FILE" if isinstance(self.kind, File) else "TEXT"
 
-    def on_page(self, label: str, about: str = "", **look: Any) -> Option:
+    def on_page(self, label: str, about: str = "", **look: Any) -> Self:
         """Return the option as the page shows it, too."""
         return self._replace(page={"label": label, "about": about, **look})
 

@@ -1,11 +1,9 @@
 """Georeferencing of TIFF files: read GeoTIFF tags, and copy them from file to file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from enum import IntEnum
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Self, TypeAlias
 
 from PIL.ExifTags import Base
 
@@ -43,7 +41,7 @@ class Place(NamedTuple):
     nodata: float | None
 
     @classmethod
-    def of(cls, tags: Tags) -> Place:
+    def of(cls, tags: Tags) -> Self:
         """Read the tags of a page; damaged tags are ignored."""
         keys = _keys(tags)
         transform = epsg = nodata = None

@@ -1,7 +1,5 @@
 """Open image files without library warnings, and report any error in one line."""
 
-from __future__ import annotations
-
 import errno
 import logging
 import math
@@ -15,7 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING, BinaryIO, TypeAlias
+from typing import BinaryIO, TypeAlias
 
 from PIL import Image, ImageFile, UnidentifiedImageError
 from PIL.ExifTags import Base
@@ -27,10 +25,8 @@ from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import check_name, local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.converted import AS_TIFF, RAW_SUFFIXES, developed
+from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.png_chunks import read_more, without_damage
-
-if TYPE_CHECKING:
-    from cvtimg.pictures.formats.pixel_size import PixelSize
 
 #: Formats with frames; those of other formats are pages.
 ANIMATED = ("GIF", "PNG", "WEBP")

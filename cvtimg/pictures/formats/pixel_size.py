@@ -1,11 +1,9 @@
 """The physical size of pixels, as ImageJ and OME say it, or as it is typed."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 from cvtimg._shared.choices import Arguments, Options
 
@@ -48,7 +46,7 @@ class PixelSize:
         per_inch = [1 / (side * INCHES.get(self.unit, math.inf)) for side in (self.x, self.y)]
         return (per_inch[0], per_inch[1]) if all(0 < number < 1e6 for number in per_inch) else None
 
-    def pixels(self, length: PixelSize) -> float:
+    def pixels(self, length: Self) -> float:
         """Return how many pixels a length is across.
 
         Examples
@@ -63,7 +61,7 @@ class PixelSize:
         return round(length.x * INCHES[length.unit] / (self.x * INCHES[self.unit]), 9)
 
     @classmethod
-    def parse(cls, text: str) -> PixelSize:
+    def parse(cls, text: str) -> Self:
         """Read "0.325um" for square pixels, "0.3x0.4um", or "0.3x0.3x2um" with the distance between planes.
 
         Examples
@@ -79,7 +77,7 @@ class PixelSize:
         return cls(float(x or 0), float(y or 0), _UNITS.get(match[4], match[4]), z)
 
     @classmethod
-    def of(cls, scale: Options) -> PixelSize | None:
+    def of(cls, scale: Options) -> Self | None:
         """Return the size in what a file says, under the names of `Pages.scale`; None if it names no unit."""
         if "PhysicalSizeX" in scale:
             named = [f"PhysicalSize{axis}" for axis in "XYZ"]
@@ -100,7 +98,7 @@ class PixelSize:
         return cls.named(x, y, unit, z)
 
     @classmethod
-    def named(cls, x: float | None, y: float | None, unit: str, z: float | None = None) -> PixelSize | None:
+    def named(cls, x: float | None, y: float | None, unit: str, z: float | None = None) -> Self | None:
         """Return the size by the usual name of its unit; None without one."""
         unit = _UNITS.get(unit, unit)
         return cls(x, y, unit, z) if x and y and unit not in ("", "pixel", "pixels") else None

@@ -1,12 +1,10 @@
 """PNG beyond Pillow: color with 16 bits per band, and files of fewer bytes."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Sequence
 from io import BytesIO
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +76,7 @@ class _Form(NamedTuple):
     rows: bytes
 
     @classmethod
-    def of(cls, image: Image.Image, **options: Any) -> _Form:
+    def of(cls, image: Image.Image, **options: Any) -> Self:
         """Let Pillow filter an image, and describe it by the options of its `save`."""
         buffer = BytesIO()
         image.save(buffer, "PNG", compress_level=0, **options)
@@ -91,7 +89,7 @@ class _Form(NamedTuple):
         chunks = *self.head, (b"IDAT", pixels), (b"IEND", b"")
         return PNG_MAGIC + b"".join(chunk(name, data) for name, data in chunks)
 
-    def of_indices(self, image: Image.Image) -> list[_Form]:
+    def of_indices(self, image: Image.Image) -> list[Self]:
         """Return the forms of an indexed image: the same without filters, and with them, which suits fine texture."""
         n_bits, packed = self.head[0][1][8], np.asarray(image)
         if n_bits < 8:
@@ -99,7 +97,7 @@ class _Form(NamedTuple):
             packed = np.packbits(bits.reshape(image.height, -1), axis=1)
         plain = self._replace(rows=np.pad(packed, ((0, 0), (1, 0))).tobytes())
         few = n_bits < 8 or packed.size <= _DEFLATE.large
-        return [plain, self._replace(rows=_Form.of(Image.fromarray(packed)).rows)] if few else [plain]
+        return [plain, self._replace(rows=self.of(Image.fromarray(packed)).rows)] if few else [plain]
 
 
 def deep_png(values: NDArray[np.uint16], **options: Any) -> bytes:

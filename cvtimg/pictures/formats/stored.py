@@ -1,7 +1,5 @@
 """Axes and channels of stacks, and stacks that others open as arrays on disk: OME-Zarr, files of microscopes."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -9,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, TypeGuard
+from typing import Any, BinaryIO, NamedTuple, Self, TypeGuard
 
 import numpy as np
 
@@ -33,7 +31,7 @@ class Arrangement(NamedTuple):
     shape: tuple[int, ...]
     channels: tuple[str, ...] = ()
 
-    def chosen(self, by: Selection) -> tuple[Arrangement, Ints64]:
+    def chosen(self, by: Selection) -> tuple[Self, Ints64]:
         """Return what remains of the stack, and the numbers of these pages, by the names and places that are given."""
         stack = self if by.axes is None else self._named(by.axes)
         numbers = np.arange(math.prod(stack.shape)).reshape(stack.shape)
@@ -46,7 +44,8 @@ class Arrangement(NamedTuple):
             place = place_of(given, stack.shape[at], stack.channels if axis == "C" else (), _NOUNS[axis])
             numbers = np.asarray(numbers.take(place, axis=at))
             channels = stack.channels[place : place + 1] if axis == "C" else stack.channels
-            stack = Arrangement(stack.axes[:at] + stack.axes[at + 1 :], numbers.shape, channels)
+            axes = stack.axes[:at] + stack.axes[at + 1 :]
+            stack = stack._replace(axes=axes, shape=numbers.shape, channels=channels)
         return stack, numbers.ravel()
 
     def band(self, by: Selection, bands: tuple[str, ...]) -> int | None:
@@ -57,13 +56,13 @@ class Arrangement(NamedTuple):
             by.channel, len(bands), self.channels if len(self.channels) == len(bands) else bands, _NOUNS["C"]
         )
 
-    def _named(self, axes: str) -> Arrangement:
+    def _named(self, axes: str) -> Self:
         letters = axes.upper().removesuffix("S").removesuffix("YX")
         if len(letters) != len(self.shape) or len(set(letters)) < len(letters):
             pages = " x ".join(map(str, self.shape)) or "1"
             have = f"{self.axes}YX, of {pages} page{'s' * (pages != '1')}"
             raise UnfitContentError(f"has the axes {have}; --axes {axes} must have a letter for each")
-        return Arrangement(letters, self.shape, self.channels if "C" in letters or "C" not in self.axes else ())
+        return self._replace(axes=letters, channels=self.channels if "C" in letters or "C" not in self.axes else ())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
