@@ -238,8 +238,8 @@ class RowFile:
 
     def add(self, row: Row) -> None:
         """Add a row at once; a disk that is full is told at the end."""
-        row = row if self._is_json else _flat(row)
-        if row["status"] == "skipped" and row.get("input") in self._before:
+        row = self._as_written(row)
+        if self._before.get(row.get("input")) is row:
             return
         self._rows.append(row)
         if is_remote(self._path):
@@ -253,15 +253,14 @@ class RowFile:
 
     def end(self, rows: Sequence[Row]) -> None:
         """Write all rows in their order, those of an earlier run first."""
-        flat = rows if self._is_json else [_flat(row) for row in rows]
-        again = {row.get("input") for row in flat}
-        kept = [row for name, row in self._before.items() if name not in again]
-        tried = [
-            self._before[row["input"]] if row["status"] == "skipped" and row.get("input") in self._before else row
-            for row in flat
-        ]
-        self._rows = [*kept, *tried]
+        tried = [*map(self._as_written, rows)]
+        again = {row.get("input") for row in tried}
+        self._rows = [*(row for name, row in self._before.items() if name not in again), *tried]
         self._write()
+
+    def _as_written(self, row: Row) -> Row:
+        row = row if self._is_json else _flat(row)
+        return self._before.get(row.get("input"), row) if row["status"] == "skipped" else row
 
     def _write(self, *, overwrite: bool = True) -> None:
         names = dict.fromkeys([*self._columns, *(name for row in self._rows for name in row)])
