@@ -18,7 +18,7 @@ def feature(polygons: list[list[list[_Place]]], properties: Options, **members: 
 
 
 def shapes_of(content: Options) -> Array:
-    """Return the points, lines and polygons (S,) of GeoJSON, each by itself and in the plane; features may have none."""
+    """Return the points, lines and polygons (S,) of GeoJSON, each by itself, in the plane; features may have none."""
     features = [feature.get("geometry", feature) for feature in content.get("features", [content])]
     # Reading them one by one closes rings that rounding or their writer left open.
     shapes = [shapely.geometry.shape(feature) for feature in features if feature]
