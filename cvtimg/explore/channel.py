@@ -35,6 +35,8 @@ from cvtimg.explore.tabs.base import Request, Tab
 
 #: Seconds between messages of how far a search is.
 _PATIENCE = 0.2
+#: Pixels from which on what a picture took tells of larger ones.
+_TELLING = 1e6
 _LONGEST = 1 << 19
 
 
@@ -163,7 +165,7 @@ class Channel:
                 key, outcome = "", tab.draft(request)
             else:
                 outcome = tab.exact(request)
-                if request.opened and math.prod(request.size) > 1e6:  # what smaller ones take does not grow with them
+                if request.opened and math.prod(request.size) > _TELLING:
                     self._paces[tab.name] = (time.monotonic() - begun) / tab.work(request, outcome)
             about["seconds"] = self._paces.get(tab.name, tab.pace) * tab.work(request, outcome)
             if outcome is None:

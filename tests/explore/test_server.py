@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
 import json
 import os
@@ -38,7 +37,6 @@ from starlette.websockets import WebSocketDisconnect
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS, serve, store
 from cvtimg.explore.app import STATIC, Server
-from cvtimg.explore.channel import OvertakenError, Work
 from cvtimg.explore.controls import parse_settings
 from cvtimg.explore.guard import SESSION, Credentials
 from cvtimg.explore.tabs.base import Request
@@ -505,6 +503,25 @@ def test_a_draft_of_a_restoration_shows_its_middle(page: TestClient) -> None:
 
 
 @pytest.mark.slow
+def test_how_long_a_restoration_takes_is_told_by_one_of_another_size(
+    page: TestClient, monkeypatch: pytest.MonkeyPatch, photograph: NDArray[Any]
+) -> None:
+    monkeypatch.setattr("cvtimg.explore.channel._TELLING", 1e4)
+    monkeypatch.setattr("cvtimg.explore.channel.time", SimpleNamespace(monotonic=time.process_time))
+    seconds: dict[str, float] = {}
+    scene = np.tile(photograph, (3, 3, 1))[:640, :640] + np.random.default_rng(0).normal(0, 12, (640, 640, 3))
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
+        for side in (320, 640):  # with five passes, and with four
+            key = opened(page, png(np.clip(scene[:side, :side], 0, 255)))["id"]
+            for number, lane in enumerate(("draft", "exact")):
+                begun = time.process_time()
+                socket.send_json({"seq": number, "lane": lane, "picture": key, "tab": "restore", "settings": {}})
+                seconds[lane] = unpacked(answer(socket)).about["seconds"]
+                taken = time.process_time() - begun
+    assert 0.5 < seconds["draft"] / taken < 2
+
+
+@pytest.mark.slow
 def test_drafts_of_large_pictures_are_made_of_few_pixels(
     page: TestClient, server: Server, photograph: NDArray[Any]
 ) -> None:
@@ -665,22 +682,6 @@ def test_a_search_tells_how_far_it_is(page: TestClient, monkeypatch: pytest.Monk
     assert replies[2]["error"] == "the end"
 
 
-def test_work_that_has_ended_is_what_it_was() -> None:
-    async def run() -> None:
-        done, failed = Work(lambda: 3), Work(lambda: int("x"))
-        assert await done.result == 3
-        with pytest.raises(ValueError, match="invalid literal"):
-            await failed.result
-        done.end()
-        assert await done.result == 3
-        slow = Work(lambda: time.sleep(0.05))  # tells nothing
-        slow.end()
-        with pytest.raises(OvertakenError):
-            await slow.result
-
-    asyncio.run(run())
-
-
 def test_a_server_is_idle_when_its_last_page_has_gone(page: TestClient, server: Server) -> None:
     with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         socket.send_text("?")
@@ -688,17 +689,6 @@ def test_a_server_is_idle_when_its_last_page_has_gone(page: TestClient, server: 
         assert server.idle_seconds == 0
     while not server.idle_seconds:  # until the clock ticks
         time.sleep(0.001)
-
-
-def test_all_tabs_are_described(page: TestClient) -> None:
-    about = page.get("/about").json()
-    assert [tab["name"] for tab in about["tabs"]] == list(TABS)
-    for tab in about["tabs"]:
-        names = [control["name"] for control in tab["controls"]]
-        assert len(set(names)) == len(names)
-        for control in tab["controls"]:
-            assert control["label"]
-            assert set(control["when"]) <= set(names)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="processes are not found by their numbers")

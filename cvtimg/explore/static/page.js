@@ -242,12 +242,12 @@ function receive(reply, about) {
 	$("stage").classList.toggle("old", about.lane === "draft");
 	const drawn = repaint();
 	drawShades();
-	facts();
 	if (about.lane === "exact") {
 		stopCounting();
 		recipes.offer(reply.result);
-		weigh();
 	}
+	facts();
+	weigh();
 	Promise.resolve(drawn).then(() => requestAnimationFrame(() => {
 		const painted = new MessageChannel();
 		painted.port1.onmessage = () => document.dispatchEvent(new CustomEvent("shown", {detail: {lane: about.lane, seq: reply.seq, ms: performance.now() - about.t0, k: reply.facts.k, settings: about.request.settings}}));
@@ -307,7 +307,7 @@ function drawControls() {
 	if (state.tab === "colors") curve.mark(settings().aim === "k" || !last ? settings().k : last.facts.k);
 }
 
-const sameSize = () => state.pictures.filter(one => !state.picture || (one.width === state.picture.width && one.height === state.picture.height));
+const sameSize = () => state.pictures.filter(one => ["width", "height"].every(side => one[side] === state.picture?.[side]) && `${one.channels}` === `${state.picture.channels}`);
 
 function drawShades() {
 	const {locked = [], start} = settings(), has = Boolean(last?.facts.counts);

@@ -153,6 +153,8 @@ def _versions(request: Request) -> list[Picture]:
     versions = [part for version in chosen or [shown] for part in _of_file(version, shown)]
     if len(versions) > 1 and any(version.page and not (version.whole_file or version).is_stack for version in versions):
         raise UnfitRequestError("pages along a named axis are restored one by one: choose no other version")
+    if any(version.chosen != shown.chosen for version in versions):
+        raise UnfitRequestError("Versions must have the same channels")
     sizes = {picture.size for picture in versions}
     if len(sizes) > 1 and not (request.settings["align"] and versions[0].size == shown.size):
         listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
