@@ -318,11 +318,8 @@ def _weighted(
     weights = check_density(density, len(rows))
     ordered = rows.shape[1] <= MAX_ORDERED_DIMS
     order = along_curve(rows) if ordered else np.arange(len(rows))
-    return (
-        WeightedSamples(rows[order], weights[order], ordered),
-        Scale(float(weights.sum() * rows.shape[1]), None),
-        True,
-    )
+    scale = Scale(float(weights.sum() * rows.shape[1]), None)
+    return WeightedSamples(rows[order], weights[order], ordered), scale, True
 
 
 def _is_image(samples: ImageLike | ColorSamples) -> bool:

@@ -124,12 +124,6 @@ def test_rare_rows_that_the_sample_misses_are_found() -> None:
         tessellate(as_blocks(da.from_array(rows, chunks=(500, 2))), 7)
 
 
-def test_a_callback_stops_it() -> None:
-    result = tessellate(blocks(), 12, callback=lambda step, energy: step >= 3)
-    assert result.n_iter == 0
-    assert not result.converged
-
-
 # Where blocks come from
 
 

@@ -71,13 +71,6 @@ def test_evolution_lowers_the_energy_that_weights_cells_by_volume(tables: dict[s
     assert found[1] < found[0]
 
 
-def test_equal_rows_may_be_fewer_than_asked_for() -> None:
-    rows = np.repeat(np.eye(3), 50, axis=0)
-    assert tessellate(rows, 3, effort="best").energy == 0
-    with pytest.raises(ValueError, match=r"must be in 1\.\.3"):
-        tessellate(rows, 4, effort="best")
-
-
 def test_the_callback_stops_evolution(tables: dict[str, Array]) -> None:
     seen: list[float] = []
     tessellate(tables["iris"], 10, effort="best", callback=lambda _, energy: bool(seen.append(energy)) or len(seen) > 3)

@@ -6,14 +6,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from relations.relation import Relation, close, quick_and_wide
+from relations.relation import Relation, close, equal, quick_and_wide
 from relations.remembering import remembered
+from relations.test_pictures import gray_picture
 from shapely import affinity
 from shapely.geometry import Polygon
 
 import cvtimg
 from cvtimg._shared.types import Floats
 from cvtimg.designs import Factor
+from cvtimg.placement import Box
 
 
 def star(rng: np.random.Generator) -> Polygon:
@@ -56,6 +58,21 @@ def along_axes(given: tuple[int, float, float]) -> Floats:
     return np.stack([(np.log10(points[:, 0]) - low) / (high - low), (points[:, 1] - 20) / 70])
 
 
+def places(rng: np.random.Generator) -> Floats:
+    return rng.random((30, 2))
+
+
+def radii(points: Floats) -> Floats:
+    """Return the radii of supports in their box, by size, in units of its sides."""
+    box = Box(points.min(axis=0), points.max(axis=0))
+    return np.sort(cvtimg.support_radii(points, box).radii) / np.hypot(*box.sides)
+
+
+def areas(labels: Floats) -> Floats:
+    """Return the areas of the polygons of segments, by size."""
+    return np.sort([polygon.area for polygon in cvtimg.find_contours(labels.astype(int)).polygons])
+
+
 _UNITS: dict[str, Callable[[Polygon], Polygon]] = {
     "in meters for kilometers": lambda region: affinity.scale(region, 1000, 1000, origin=(0, 0)),
     "far from the origin": lambda region: affinity.translate(region, 1e5, 5e6),
@@ -78,6 +95,13 @@ _DECADES: dict[str, Callable[[Any], Any]] = {
     "a logarithmic axis in another unit": lambda given: (given[0], given[1] + 7, given[2] + 7),
     "a logarithmic axis over many decades": lambda given: (given[0], -299, 299),
 }
+_PLACES: dict[str, Callable[[Any], Any]] = {
+    "in meters for kilometers": lambda points: 1000 * points,
+    "far from the origin": lambda points: points + 1e4,
+    "another order of points": np.flipud,
+    "mirrored": lambda points: points * [-1, 1],
+}
+_TURNS: dict[str, Callable[[Any], Any]] = {"turned": np.rot90, "mirrored": np.fliplr, "other labels": lambda a: 99 - a}
 _IN_SQUARES = remembered(in_squares(40))
 _ENDS = "descents from other roundings end elsewhere"
 _CASES: list[tuple[str, dict[str, Callable[[Any], Any]], Any, Any, Any, str]] = [
@@ -86,6 +110,16 @@ _CASES: list[tuple[str, dict[str, Callable[[Any], Any]], Any, Any, Any, str]] = 
     ("mesh_region", _UNITS, star, area, close(1e-5), "points within rounding are one"),
     ("reduced_basis", _ROWS, snapshots, unexplained, close(1e-6), "rounding"),
     ("design", _DECADES, decades, along_axes, close(1e-6, 1e-9), "rounding"),
+    ("support_radii", _PLACES, places, radii, close(1e-6), "rounding"),
+    (
+        "latinize",
+        {"another order of points": np.flipud},
+        places,
+        lambda p: np.sort(cvtimg.latinize(p), axis=0),
+        equal,
+        "",
+    ),
+    ("find_contours", _TURNS, lambda rng: gray_picture(rng) // 40 + 1, areas, equal, ""),
 ]
 RELATIONS = [
     Relation(verb, change, inputs, result, changed, follows, since="2026-11-28", because=because)
