@@ -13,15 +13,12 @@ from cvtimg._shared.checks import check_places, check_shape, check_that, check_t
 from cvtimg._shared.types import Floats, Ints, Points
 from cvtimg.meshes.fields import PER_AREA
 from cvtimg.meshes.outlines import Outline
-from cvtimg.meshes.sizes import MeshValues, estimated_factor
+from cvtimg.meshes.sizes import ESTIMATE, MeshValues, estimated_factor
 from cvtimg.meshes.trees import Cells, divide
 from cvtimg.placement import as_region
 
 #: From (M, 2) points to (M, 2, 2) symmetric matrices.
 MatrixFunction = Callable[[Points], Any]
-
-#: Points by which Huang's alpha is found.
-_SAMPLES = 1 << 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +105,7 @@ class HuangMetric:
 
     def __init__(self, hessian: MatrixFunction, region: object) -> None:
         self._hessian = hessian
-        absolute = self._absolute(as_region(region).draw(_SAMPLES))
+        absolute = self._absolute(as_region(region).draw(ESTIMATE**2))
         largest = float(np.abs(absolute).max())
         check_that("hessian", 0 < largest < np.inf, "be finite and not 0 everywhere")
 

@@ -23,7 +23,6 @@ from cvtimg._shared.progress import each, part
 from cvtimg._shared.types import ImageLike, Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
-from cvtimg.meshes.curves import keep_areas
 from cvtimg.meshes.mending import Mending, mend
 from cvtimg.meshes.outlines import SMOOTHING, Outline, StraightParts, label_outline, with_points
 from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
@@ -69,12 +68,12 @@ EFFORTS: dict[str, MeshEffort] = {
     "balanced": MeshEffort(15, 1e-3, 2, Mending(10), trials=4),
     "best": MeshEffort(300, 1e-4, 5, Mending(20), trials=24, small=24_000),
 }
-#: Parts of the time until vertices are on borders and placed, and until they have moved.
-_PLANNED, _RELAXED = 0.4, 0.6
 #: A mesh whose least angle is smaller, in degrees, and not at a corner of its border, is warned of.
 _NARROW = 10.0
-#: No edge on a border between pixels is made shorter than this, in pixels, to mend small angles.
-_SHORTEST = 1.0
+#: An edge whose middle is nearer to the outline, by its length, cuts nothing off.
+_NOTHING = 1e-7
+#: Vertices move so often: where triangles would turn over, they go a part of the way.
+_RETURNS = 3
 
 
 def mesh_region(
@@ -280,14 +279,14 @@ def _mesh(
 
 def _best(outline: Outline, wanted: Wanted, alone: Points, effort: MeshEffort, random: np.random.Generator) -> Mesh:
     """Plan a mesh, and make it, or some of which the best is kept."""
-    with part(0, _PLANNED):
+    with part(0, 1 / 2):
         plan = plan_mesh(outline, wanted, alone)
         n = plan.number if wanted.n is None else wanted.n
         place = partial(place_inside, plan.borders, plan.field, n - plan.n_on_borders, random)
         inner = place()
     varies = plan.varies(inner)
     trials = enumerate(each(_trials(varies, n, effort)))
-    with part(_PLANNED, 1):
+    with part(1 / 2, 1):
         meshes = [_made(outline, plan, wanted, trial, place() if k else inner) for k, trial in trials]
     if len(meshes) == 1:
         return meshes[0]
@@ -313,11 +312,11 @@ def _irregularity(mesh: Mesh) -> float:
 def _made(outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort, inner: Points) -> Mesh:
     """Make a mesh of a plan and vertices inside: let them move, and finish."""
     mesh = PlaneTriangulation.constrained(plan.borders, inner)
-    with part(0, _RELAXED):
+    with part(0, 1 / 2):
         relaxed = relax(
             mesh, plan.field.metric, isotropic=plan.field.isotropic, most=effort.moves, tolerance=effort.tolerance
         )
-    with part(_RELAXED, 1):
+    with part(1 / 2, 1):
         mesh = _finished(mesh, outline, plan, wanted, effort)
     about = relaxed.energies, relaxed.converged, wanted.n
     return Mesh(mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), *about, changes=outline.changes)
@@ -345,12 +344,37 @@ def _finished(
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         mesh = mend(
             mesh, field, wanted.grade, effort.mending if np.isscalar(wanted.size) else Mending(0),
-            shortest=wanted.least / 2 if outline.mask is None else _SHORTEST,
+            shortest=wanted.least / 2 if outline.mask is None else 1.0,  # no edge between pixels is shorter than these
             keep_number=wanted.n is not None,
             )  # fmt: skip
     if outline.mask is None:
-        keep_areas(outline, mesh)
+        _keep_areas(outline, mesh)
     return mesh
+
+
+def _keep_areas(outline: Outline, mesh: PlaneTriangulation) -> None:
+    """Move vertices along their normals, so that polygons lose nothing to edges that cut curves.
+
+    Corners stay, and so do vertices on straight sides, unless one edge cuts off the turn from a side to the next.
+    """
+    assert outline.areas is not None
+    parts, half_edges = StraightParts.of(outline.lines), mesh.half_edges_on_borders()
+    edges = mesh.edges[half_edges]
+    a, b = mesh.points[edges].transpose(1, 0, 2)
+    is_cut = np.linalg.norm(parts.feet((a + b) / 2) - (a + b) / 2, axis=1) > _NOTHING * np.linalg.norm(b - a, axis=1)
+    # An edge is on the line that those of its ends are nearest to which are no corners, and goes in its direction.
+    inner = np.where(mesh.corners[edges[:, :1]], b, a)
+    inner[mesh.corners[edges].all(axis=1)] = ((a + b) / 2)[mesh.corners[edges].all(axis=1)]
+    of_line = parts.of_line[parts.nearest(inner)[0]]
+    back = mesh.tags[half_edges // 3] != outline.sides[of_line, 0]
+    edges[back] = edges[back, ::-1]
+    free = ~mesh.corners
+    free[edges[~is_cut]] = False
+    alone = edges[is_cut & ~free[edges].any(axis=1)]
+    free[alone] = ~mesh.corners[alone]
+    for _ in range(_RETURNS if free[edges].any() else 0):
+        moved = outline.areas.kept(mesh.points, edges, of_line, np.empty(0, np.intp), np.flatnonzero(~free))
+        mesh.move(moved - mesh.points, free)
 
 
 def _check_inside(alone: Points, points: Points) -> None:

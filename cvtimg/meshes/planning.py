@@ -21,6 +21,8 @@ from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
 MOST_VERTICES = 1 << 26
 #: Where nothing is said of sizes, edges are no longer than the diagonal of the region by this number.
 _PARTS = 70
+#: A number of vertices is met when it is as near as this part of it.
+NEAR = 0.01
 #: Sizes vary where the logarithms of the metric do by more.
 _VARIES = 0.4
 
@@ -29,14 +31,12 @@ _VARIES = 0.4
 class Search:
     """How sizes are found that come to a number of vertices."""
 
-    rounds: int = 8  # of scaling sizes,
-    near: float = 0.01  # until the number is as near as this
+    rounds: int = 8  # of scaling sizes, until the number is near
     stuck: float = 0.5  # where more than this power of the excess stays, short edges on borders need it:
-    steeper: float = 1.5  # sizes grow faster then by this factor,
-    steepest: float = 1.0  # up to this
+    steeper: float = 1.5  # sizes grow faster then by this factor, up to a grade of 1
     coarsest: float = 100.0  # where that leaves too many on borders, sizes are larger by up to this factor,
-    nearer: float = 0.75  # and if need be, vertices are nearer to edges of other lines by this, with smaller angles,
-    closest: float = 0.5  # or by this: if that needs too many, there are too few
+    closest: float = 0.5  # and if need be, vertices are nearer to edges of other lines by this, with smaller angles, or
+    # by half of that: if the closest need too many, there are too few
     halvings: int = 5  # which is halved so often
     gap: float = 0.6  # no vertex starts nearer to one on a border than this part of the edge length there,
     less: float = 0.8  # and less where there is no room
@@ -87,8 +87,9 @@ class Wanted:
         if self.metric is not None:
             return MetricField.of(self.metric, outline, self.n, ends)
         field = size_field(outline, self.size, self.n, self.least, ends)
-        allowed = f"ask for at most {MOST_VERTICES} vertices, which memory holds, not {field.count:.3g}"
-        check_that("sizes", field.count <= MOST_VERTICES, allowed)
+        count = field.count
+        allowed = f"ask for at most {MOST_VERTICES} vertices, which memory holds, not {count:.3g}"
+        check_that("sizes", count <= MOST_VERTICES, allowed)
         return field
 
 
@@ -128,24 +129,24 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     if wanted.n is None:
         return place(start, grade=wanted.grade, on_curves=2)
     factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
-    coarser = partial(place, grade=max(grade, _SEARCH.steepest), on_curves=1)
+    coarser = partial(place, grade=max(grade, 1.0), on_curves=1)
     for _ in first_few(range(_SEARCH.rounds), 0.5):
         most = wanted.n if on_curves == 2 else 2 * wanted.n
         plan = place(start.scaled(factor), grade=grade, on_curves=on_curves, most=most)
-        ratio = plan.number / wanted.n
-        if abs(ratio - 1) < _SEARCH.near and plan.n_on_borders <= wanted.n:
-            return plan
         if plan.n_on_borders > wanted.n and on_curves == 2:  # areas are given up before angles
             on_curves, coarsest = 1, coarser(start.scaled(_SEARCH.coarsest), nearness=_SEARCH.closest)
             _check_fits(outline, wanted, coarsest.n_on_borders)
-            for nearness in (_SEARCH.nearer, 1.0):  # edges that crowd by less do so by more, too
+            for nearness in ((1 + _SEARCH.closest) / 2, 1.0):  # edges that crowd by less do so by more, too
                 plan = coarser(coarsest.field, most=wanted.n, nearness=nearness)
                 if plan.n_on_borders > wanted.n:
                     return coarsest
                 coarsest = plan
             continue
+        ratio = plan.number / wanted.n
+        if abs(ratio - 1) < NEAR and plan.n_on_borders <= wanted.n:
+            return plan
         if ratio > max(before, 1) ** _SEARCH.stuck:
-            grade = min(_SEARCH.steeper * grade, max(grade, _SEARCH.steepest))
+            grade = min(_SEARCH.steeper * grade, max(grade, 1.0))
         factor, before = factor * ratio**0.5, ratio
     if plan.n_on_borders <= wanted.n:
         return plan

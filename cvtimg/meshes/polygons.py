@@ -15,10 +15,11 @@ from cvtimg.meshes.areas import Areas
 from cvtimg.meshes.outlines import CLEAR_CORNER, SMOOTHING, Outline, label_outline, split_line, turns_of
 from cvtimg.meshes.welding import Cleaning, clean
 from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
+from cvtimg.placement.polygons import SMOOTH
 
-#: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays; `CLEAR_CORNER` is enough
-#: between two sides longer than a part of the diameter, for these are no samples of a curve.
-_CORNER, _LONG = 30.0, 0.1
+#: Where the boundary of a polygon turns by more than `SMOOTH`, it has a corner that stays; `CLEAR_CORNER` is enough
+#: between two sides longer than this part of the diameter, for these are no samples of a curve.
+_LONG = 0.1
 
 
 def outline_of(region: Region, how: Cleaning) -> Outline:
@@ -83,4 +84,4 @@ def _turns(ring: Points) -> Bools:
     sides = np.linalg.norm(np.diff(ring, axis=0), axis=1)
     shorter = np.minimum(sides, np.roll(sides, 1))
     is_long = shorter > _LONG * float(np.hypot(*np.ptp(ring, axis=0)))
-    return np.asarray(turns > np.where(is_long, CLEAR_CORNER, _CORNER))
+    return np.asarray(turns > np.where(is_long, CLEAR_CORNER, SMOOTH))

@@ -12,15 +12,15 @@ from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.outlines import ON_LINE, Outline, StraightParts, cross
+from cvtimg.meshes.triangulation import LEAST_AREA_LEFT
 
 
 @dataclass(frozen=True, slots=True)
 class Bending:
-    """Which edges on borders bend, and how far."""
+    """Which edges on borders bend, and how far: Jacobians stay above `LEAST_AREA_LEFT` of their mean, and areas."""
 
     near: float = 0.3  # the ends of an edge are no farther from their line than this part of its length,
     around: float = 2.0  # nor the way between them longer than this multiple of it: else the line is another's
-    least: float = 0.1  # Jacobians stay above this part of their mean, and areas above this part of what they were
     rounds: int = 4  # of giving back the area that edges take from a segment that are made straight
 
 
@@ -108,7 +108,7 @@ class _Bent:
         straight = np.zeros(len(bends), bool)
         while True:
             jacobians = _jacobians(self.nodes(places, bends), self.triangles)
-            bad = self.triangles[jacobians.min(axis=1) < _BENDING.least * jacobians.mean(axis=1), 3:] - len(places)
+            bad = self.triangles[jacobians.min(axis=1) < LEAST_AREA_LEFT * jacobians.mean(axis=1), 3:] - len(places)
             new = np.zeros(len(bends) + 1, bool)
             new[self.as_border[bad]] = True  # the last is for none
             new = new[:-1] & ~straight
@@ -165,7 +165,7 @@ def _snapped(points: Points, triangles: Ints, edges: Ints, ways: _Ways) -> Point
     moves = ways.off & ways.found[:, None]
     moved = points.copy()
     moved[edges[moves]] = ways.ends[moves]
-    least = _BENDING.least * measure_triangles(points, triangles).areas
+    least = LEAST_AREA_LEFT * measure_triangles(points, triangles).areas
     while True:
         a, b, c = moved[triangles].transpose(1, 0, 2)
         small = cross(b - a, c - a) / 2 < least

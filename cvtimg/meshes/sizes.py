@@ -30,7 +30,7 @@ SizeLike: TypeAlias = float | ArrayLike | Callable[[Points], ArrayLike]
 #: The size of pixels that are not meshed.
 _HUGE = np.float32(1e30)
 #: Cells along each axis by which the number of vertices is estimated first.
-_ESTIMATE = 256
+ESTIMATE = 256
 _ALLOWED = "be finite and > 0 in the region"
 
 
@@ -160,7 +160,7 @@ def _function_field(sizes: Sizes, outline: Outline, n: int | None, probes: Point
 def estimated_factor(sizes: Sizes, outline: Outline, n: int, probes: Points) -> float:
     """Return by what sizes have to be multiplied for about `n` vertices, from a grid or, in thin regions, probes."""
     low, high = outline.bounds
-    x, y = np.meshgrid(*(low + (np.arange(_ESTIMATE)[:, None] + 0.5) / _ESTIMATE * (high - low)).T)
+    x, y = np.meshgrid(*(low + (np.arange(ESTIMATE)[:, None] + 0.5) / ESTIMATE * (high - low)).T)
     grid = np.stack([x.ravel(), y.ravel()], axis=1)
     inside = grid[outline.contains(grid)]
     places = inside if len(inside) else probes

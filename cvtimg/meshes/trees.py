@@ -22,7 +22,7 @@ Sizes = Callable[[Points], Floats]
 #: A cell is divided while its side is longer than this part of the least size at its corners and its center,
 _SIDE = 0.7
 #: from this level on, 2^6 cells along each axis, and to that one, where sides are 2^-24 of those of the region.
-_FIRST_LEVEL, _LAST_LEVEL = 6, 24
+_FIRST_LEVEL, LAST_LEVEL = 6, 24
 #: More cells need more memory than machines have.
 _MOST_CELLS = 1 << 23
 #: Cells of a level from which on none is divided for lowered sizes: more of these take longer, and hardly count better.
@@ -156,7 +156,7 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     cells = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2).astype(np.int64)
     is_whole, lines = np.zeros(len(cells), bool), StraightParts.of(outline.lines).tree
     done, n_cells = [], 0
-    for level in range(_FIRST_LEVEL, _LAST_LEVEL + 1):
+    for level in range(_FIRST_LEVEL, LAST_LEVEL + 1):
         step = side / (1 << level)
         limit = _least_around(sizes, origin + cells * step, step) * _SIDE
         fine = ((probes[wanted < step] - origin) / step).astype(np.int64)
@@ -168,7 +168,7 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
             inside = outline.contains(origin + (cells[unknown] + 0.5) * step)
             small[unknown], is_whole[unknown] = crossed | inside, inside & ~crossed
         divided = small | np.isin(cells @ np.array([1 << 32, 1]), fine @ np.array([1 << 32, 1]))
-        divided &= level < _LAST_LEVEL
+        divided &= level < LAST_LEVEL
         done.append((level, cells[~divided]))
         cells = (2 * cells[divided, None] + np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2)
         is_whole = np.repeat(is_whole[divided], 4)
@@ -177,13 +177,13 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
         if not len(cells):
             break
     sides = np.concatenate([np.full(len(squares), side / (1 << level)) for level, squares in done])
-    corners = np.concatenate([squares << (_LAST_LEVEL - level) for level, squares in done])
+    corners = np.concatenate([squares << (LAST_LEVEL - level) for level, squares in done])
     # Sizes hardly change over a cell: the corners of squares twice as wide will do.
-    spans = np.concatenate([np.full((len(squares), 1), 2 << (_LAST_LEVEL - level)) for level, squares in done])
+    spans = np.concatenate([np.full((len(squares), 1), 2 << (LAST_LEVEL - level)) for level, squares in done])
     steps = spans[:, None] * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
     keys = np.unique(((corners - corners % spans)[:, None] + steps).reshape(-1, 2) @ np.array([1 << 32, 1]))
     unique = np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1)
-    unit = side / (1 << _LAST_LEVEL)
+    unit = side / (1 << LAST_LEVEL)
     centers = origin + corners * unit + sides[:, None] / 2
     return Cells(centers, sides, outline.contains(centers), origin + unique * unit, outline.contains)
 

@@ -16,7 +16,7 @@ from cvtimg.meshes.outlines import StraightParts, cross
 #: Smoothing lowers the sum of the shapes of triangles to this power: the larger, the more the worst counts.
 _POWER = 16
 #: No move leaves a triangle with less than this part of its area; it is halved this often before it is given up.
-_LEAST_AREA_LEFT, _HALVINGS = 0.1, 5
+LEAST_AREA_LEFT, _HALVINGS = 0.1, 5
 #: How vertices move.
 FREE, FIXED, SLIDES = 0, 1, 2
 
@@ -95,7 +95,7 @@ class PlaneTriangulation(HalfEdges):
         Those that are `moving` (N,) do, by default the free ones; if asked by the whole step or not at all.
         """
         part = np.where(self.fixed == FREE if moving is None else moving, 1.0, 0.0)[:, None]
-        least = _LEAST_AREA_LEFT * self._areas(self.points)
+        least = LEAST_AREA_LEFT * self._areas(self.points)
         while True:
             bad = self.triangles[self._areas(self.points + part * steps) < least]
             if not part[bad].any():

@@ -15,7 +15,7 @@ from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints, Points
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
-from cvtimg.meshes.planning import MOST_VERTICES
+from cvtimg.meshes.planning import MOST_VERTICES, NEAR
 from cvtimg.meshes.tetrahedra import (
     Filling,
     dihedral_angles,
@@ -36,11 +36,8 @@ _SUFFIXES = (".vtu", ".msh", ".inp", ".vtk", ".xdmf")
 class VolumeEffort:
     """How volumes and numbers of vertices are met."""
 
-    smoothness: float = 1.0  # the distance to the surface is smoothed by a Gaussian of this many voxels
     most_per_voxel: int = 16  # more vertices for each voxel show nothing that the voxels hold
-    per_volume: float = 2.0  # vertices in a volume of 1 where the longer edges have length 1
-    rounds: int = 8  # by which the number of vertices is met, and then the volume
-    near: float = 0.01  # as part of the wanted one, which is near enough
+    rounds: int = 8  # by which the number of vertices is met within `NEAR`, and then the volume
     volume_near: float = 0.001  # volumes are moved until they are as near as this
 
 
@@ -249,7 +246,7 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
         assert n is not None
         check_count("n", n, MOST_VERTICES, "what memory holds")
         check_in_range("n", n, n <= _EFFORT.most_per_voxel * volume, f"at most {_EFFORT.most_per_voxel} for each voxel")
-        spacing = (volume * _EFFORT.per_volume / n) ** (1 / 3)
+        spacing = (volume * 2 / n) ** (1 / 3)  # the lattice has two vertices in a cube of this side
         levels = _VoxelLevels(voxels, spacing)
         spacing = _spacing_for(levels, spacing, n)
     filling = stuff(levels, levels.low, levels.high, spacing)
@@ -258,7 +255,7 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     filled = sum_by_label(filling.labels, volumes(points, filling.cells), len(levels.wanted) + 1)[1:]
     name = f"edge_length={edge_length}" if n is None else f"n={n}"
     for tag, error in zip(levels.tags[1:].tolist(), np.abs(filled / levels.wanted - 1).tolist(), strict=True):
-        check_that(name, error < _EFFORT.near, f"let tetrahedra be smaller: they lose the shape of label {tag}")
+        check_that(name, error < NEAR, f"let tetrahedra be smaller: they lose the shape of label {tag}")
     return VolumeMesh(points, filling.cells.astype(np.int32), levels.tags[filling.labels].astype(np.int32), n)
 
 
@@ -280,7 +277,7 @@ def _spacing_for(levels: _VoxelLevels, spacing: float, n: int) -> float:
         ratio = max(len(stuff(levels, levels.low, levels.high, spacing).points), 1) / n
         if abs(ratio - 1) < least:
             least, best = abs(ratio - 1), spacing
-        if least < _EFFORT.near:
+        if least < NEAR:
             break
         spacing *= min(max(ratio, 0.2), 5.0) ** (1 / 3)
     return best
@@ -296,7 +293,8 @@ class _VoxelLevels:
         numbers = numbers[:-1].reshape(voxels.shape)
         self.wanted = np.bincount(numbers.ravel(), minlength=len(self.tags)).astype(float)[1:]
         # Distances are known in the box of each label, and as far around it as edges reach.
-        self._margin = int(np.ceil(4 * _EFFORT.smoothness + reach)) + 1
+        # They are smoothed by a Gaussian of one voxel, which ends at four.
+        self._margin = int(np.ceil(4 + reach)) + 1
         padded = np.pad(numbers, self._margin)
         whole = tuple(slice(0, size) for size in voxels.shape)
         self._corners, self._fields = [], []
@@ -304,7 +302,7 @@ class _VoxelLevels:
             inside = padded[tuple(slice(side.start, side.stop + 2 * self._margin) for side in box)] == number
             distances = ndimage.distance_transform_edt(~inside), ndimage.distance_transform_edt(inside)
             distance = np.where(inside, 0.5 - distances[1], distances[0] - 0.5)
-            self._fields.append(ndimage.gaussian_filter(distance, _EFFORT.smoothness))
+            self._fields.append(ndimage.gaussian_filter(distance, 1))
             self._corners.append(np.array([side.start for side in box]) - self._margin + 0.5)
             thick = bool((self._fields[-1] < 0).any())
             check_that(f"label {self.tags[number]} of labels", thick, "have parts at least three voxels thick")

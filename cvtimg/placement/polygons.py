@@ -19,7 +19,7 @@ from cvtimg.labels.files import one_band
 from cvtimg.placement.regions import Geometry, Region
 
 #: Where a boundary turns by less, in degrees, it has no corner.
-_SMOOTH = 30.0
+SMOOTH = 30.0
 #: Corners that are nearer to each other than this part of the extent are one, which rounding has doubled.
 _ONE = 1e-13
 #: How far a point may be from the center of its pixel along an axis: at one half it would be in the next.
@@ -84,7 +84,7 @@ class PolygonRegion(Region):
             places = shapely.get_coordinates(ring)[:-1]
             before, after = places - np.roll(places, 1, axis=0), np.roll(places, -1, axis=0) - places
             turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
-            corners.append(places[np.abs(turn) > np.radians(_SMOOTH)])
+            corners.append(places[np.abs(turn) > np.radians(SMOOTH)])
         return np.concatenate(corners)
 
     def outline(self) -> Geometry:

@@ -21,8 +21,9 @@ class Seen:
     """Which features are large enough to be seen, by the distances of points."""
 
     shortest: float = 3.0  # creases that are shorter in all are left out
-    breadth: float = 1.0  # the surfaces on both sides of a crease, so far,
-    broad: float = 0.9  # meet at this part of the angle at least
+    broad: float = (
+        0.9  # the surfaces on both sides of a crease, this distance far, meet at this part of the angle at least
+    )
     grain: float = 1 / 8  # faces this near to each other that look one way are one there: 1/4 rounds creases off
     coarse: float = 1 / 3  # grains of this size tell where there is only noise:
     flat: float = 0.6  # where halves of the surface around, however cut, meet at less than this part of the angle,
@@ -95,7 +96,7 @@ def _is_broad(
     way = np.subtract(*(unit(centers[side] - middles) for side in sides))
     # Sums of normals, of those in the same sheet, and of areas of these: noise is how these normals differ.
     sums = [2 * areas[side, None] * np.column_stack([normals[side]] * 2 + [np.ones(len(side))]) for side in sides]
-    for block, of, grain in grains.near(middles, _SEEN.breadth * apart):
+    for block, of, grain in grains.near(middles, apart):
         is_first = np.einsum("ij,ij->i", grains.centers[grain] - middles[of], way[of]) > 0
         for side, chosen, total in zip(sides, (is_first, ~is_first), sums, strict=True):
             # Faces of another sheet, turned away, are left out.
@@ -175,7 +176,7 @@ def _is_flat(mesh: SurfaceTriangulation, faces: Indices, sizes: Floats, angle: f
     grains = _Grains.of(mesh, _SEEN.coarse * apart, None)
     here, which = np.unique(grains.of_face[faces], return_inverse=True)
     outward, reach = unit(grains.vectors)[here], np.zeros(len(grains.centers))
-    np.maximum.at(reach, grains.of_face, _SEEN.breadth * apart)
+    np.maximum.at(reach, grains.of_face, apart)
     least = np.ones(len(here))
     for block, of, grain in grains.near(grains.centers[here], reach[here]):
         at, n, vectors = of - block.start, len(least[block]), grains.vectors[grain]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_finite, check_in_range, check_places, check_positive, check_shape, check_that
 from cvtimg._shared.types import Points, Triangles
+from cvtimg.meshes.planning import MOST_VERTICES
 from cvtimg.placement import Box
 from cvtimg.placement.implicit import ImplicitFunction
 from cvtimg.surfaces.surface import Surface
@@ -18,8 +19,6 @@ from cvtimg.surfaces.triangulation import SurfaceTriangulation, divided, unit
 
 #: Cubes along the longest side of the bounds, by default.
 _CUBES = 64
-#: More cubes than this would fill the memory.
-_MOST_CUBES = 1 << 27
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
@@ -89,7 +88,8 @@ class ImplicitSurface(Surface):
 
         lower, sides = self.box.bounds[0], self.box.sides
         counts = np.maximum(np.ceil(sides / spacing).astype(int), 2)
-        check_that(f"spacing={spacing:g}", np.prod(counts + 1.0) < _MOST_CUBES, f"give fewer than {_MOST_CUBES} cubes")
+        most = 2 * MOST_VERTICES
+        check_that(f"spacing={spacing:g}", np.prod(counts + 1.0) < most, f"give fewer than {most} cubes")
         axes = [low + np.linspace(0, side, n + 1) for low, side, n in zip(lower, sides, counts, strict=True)]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         values = self.function(nodes).reshape(counts + 1)

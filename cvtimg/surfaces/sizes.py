@@ -9,6 +9,7 @@ import numpy as np
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Floats, Points
+from cvtimg.meshes.planning import NEAR
 from cvtimg.meshes.trees import limited_along_edges
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces.surface import VertexDensity
@@ -26,8 +27,7 @@ class Grading:
     most_zeros: float = 0.01  # a density that is 0 at more places is warned of
     grade: float = 0.3  # largest growth of distances for each unit of length,
     too_steep: float = 1.25  # unless they are by less than this factor too long
-    near: float = 0.01  # as a logarithm: what is near enough to those with which there are as many points as wanted
-    most: float = 20.0  # and what is beyond them
+    most: float = 20.0  # logarithm of what is beyond those with which there are as many points as wanted
     missed: float = 0.8  # on a finer mesh they are made shorter where they come out less by this factor
 
 
@@ -56,7 +56,7 @@ class Sizes:
         def graded(power: float) -> Floats:
             return limited_along_edges(mesh, np.exp(power) * wanted, _GRADING.grade)
 
-        power = brentq(lambda power: np.log(_scale(areas, graded(power), n)), -1, _GRADING.most, xtol=_GRADING.near)
+        power = brentq(lambda power: np.log(_scale(areas, graded(power), n)), -1, _GRADING.most, xtol=NEAR)
         self.distance, sizes = float(self.distance * np.exp(power)), graded(power)
         self._lower = VertexDensity(mesh.points, mesh.triangles, sizes / self.distance)
 

@@ -13,9 +13,7 @@ from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
 from cvtimg.halfedges import MOST_FLIPS, HalfEdges, connected_parts, edge_keys, edges_around, find_twins
-
-#: Rounds of splitting at most; each halves the longest edges.
-_ROUNDS = 24
+from cvtimg.meshes.trees import LAST_LEVEL
 
 
 class SurfaceTriangulation(HalfEdges):
@@ -136,7 +134,7 @@ def split_long_edges(
     """Halve edges until none is longer than `limits` allow at points (N, 3); their middles go to the surface."""
     points, triangles = mesh.points, np.ascontiguousarray(mesh.triangles)
     allowed = limits(points)
-    for _ in range(_ROUNDS):
+    for _ in range(LAST_LEVEL):  # each halves the longest edges
         edge = number_edges(triangles, len(points))
         first = np.flatnonzero(edge == np.arange(len(edge)))
         a, b = triangles.ravel()[first], triangles[:, [1, 2, 0]].ravel()[first]
