@@ -149,10 +149,10 @@ def add_border_gradient(
 
 
 cdef inline double crossing(
-    double along, double across, double own_along, double own_across, double line, double low
+    double along, double across, double near_along, double near_across, double line, double low
 ) noexcept nogil:
     """Where a line meets the border of two cells, between the middles of two pixels."""
-    cdef double at = own_along + 0.5 * along + across * (own_across + 0.5 * across - line) / along
+    cdef double at = near_along + 0.5 * along + across * (near_across + 0.5 * across - line) / along
     return min(max(at, low), low + 1)
 
 

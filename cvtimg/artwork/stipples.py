@@ -159,8 +159,8 @@ class Sheet:
         Parameters are as in `Stipples.save`. Without paper, the sheet is as large as the drawing and its margin.
         """
         side = np.array(pixels[::-1], np.float64)
-        given = {"width": width, "height": height}
-        wanted = np.array([np.inf if at is None else check_positive(name, at, "in mm") for name, at in given.items()])
+        sides = {"width": width, "height": height}
+        wanted = np.array([np.inf if at is None else check_positive(name, at, "in mm") for name, at in sides.items()])
         border = check_non_negative("margin", (USUAL_MARGIN if paper else 0.0) if margin is None else margin)
         if paper is None:
             check_that("landscape", not landscape, "have a paper")
@@ -395,12 +395,12 @@ class Stipples(ReadOnly):
         for pen, name in enumerate(self.names):
             look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_CELL_LINE}"'
             dots_of_pen = self.order[self.layers[self.order] == pen]
-            corners = (
+            rings = (
                 " ".join(numbers((cells[dot] * sheet.scale + sheet.corner).ravel(), 3))
                 for dot in dots_of_pen
                 if len(cells[dot])
             )
-            outlines = (f'<path d="M{ones}Z"/>\n' for ones in corners)
+            outlines = (f'<path d="M{ring}Z"/>\n' for ring in rings)
             yield from layer(pen + 1, name, f'{look} stroke-linejoin="round"', outlines)
 
     def _repr_png_(self) -> bytes:

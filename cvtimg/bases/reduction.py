@@ -187,20 +187,20 @@ class Basis(ReadOnly):
 
     def project(self, snapshots: object) -> Projection:
         """Project snapshots of the same shape, of any kind that `as_snapshots` takes, onto the nearest subspace."""
-        given = as_snapshots(snapshots)
-        check_shape("snapshots", given.shape, given.shape == self.shape, f"{self.shape}, as the basis has")
-        parts = zip(*(self._project_block(block) for _, block in given.blocks()), strict=True)
+        source = as_snapshots(snapshots)
+        check_shape("snapshots", source.shape, source.shape == self.shape, f"{self.shape}, as the basis has")
+        parts = zip(*(self._project_block(block) for _, block in source.blocks()), strict=True)
         return Projection(*map(np.concatenate, parts))
 
     def _project_block(self, block: Array) -> tuple[Floats, Ints64, Floats]:
-        given = block.astype(np.float64)
-        apart = distances(given, self.centers, self.modes)
+        rows = block.astype(np.float64)
+        apart = distances(rows, self.centers, self.modes)
         cells = apart.argmin(axis=1)
-        coordinates = np.empty((len(given), self.n_modes))
+        coordinates = np.empty((len(rows), self.n_modes))
         for cell in np.unique(cells):
-            coordinates[cells == cell] = (given[cells == cell] - self.centers[cell]) @ self.modes[cell].T
-        sizes = ((given - self.mean) ** 2).sum(axis=1)
-        residuals = np.divide(apart.min(axis=1), sizes, out=np.zeros(len(given)), where=sizes > 0)
+            coordinates[cells == cell] = (rows[cells == cell] - self.centers[cell]) @ self.modes[cell].T
+        sizes = ((rows - self.mean) ** 2).sum(axis=1)
+        residuals = np.divide(apart.min(axis=1), sizes, out=np.zeros(len(rows)), where=sizes > 0)
         return coordinates, cells, np.sqrt(residuals)
 
     def reconstruct(self, projection: Projection) -> Floats:
@@ -295,8 +295,8 @@ def reduced_basis(
     True
     """
     make = KINDS[check_choice("kind", kind, KINDS)]
-    given = as_snapshots(snapshots)
-    most = given.n_snapshots if kind == "cvt" else max(1, min(given.n_snapshots - 1, given.n_dims))
+    source = as_snapshots(snapshots)
+    most = source.n_snapshots if kind == "cvt" else max(1, min(source.n_snapshots - 1, source.n_dims))
     asked = min(CHORD_ENDS, most)
     share = float(n_modes) if isinstance(n_modes, float) and 0 < n_modes < 1 else None
     if share:
@@ -304,16 +304,16 @@ def reduced_basis(
         asked = min(EXACT_RANK, most)
     elif n_modes != "auto":
         asked = check_count(
-            "n_modes", cast("int", n_modes), most, f"for {given.n_snapshots} snapshots of {given.n_dims} values"
+            "n_modes", cast("int", n_modes), most, f"for {source.n_snapshots} snapshots of {source.n_dims} values"
         )
     check_count("n_cells", n_cells, MAX_COLORS, "the most cells")
-    cells = min(n_cells, given.n_snapshots) if kind == "cvod" else 1
+    cells = min(n_cells, source.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)
     for name, is_given in (("centered=False", not centered), ("weights", weights is not None)):
         check_that(name, not is_given or kind == "pod", "be given with kind='pod'")
-    heavy = None if weights is None else check_weights("weights", weights, (given.n_snapshots,), "snapshot")
-    sketched = sketch(given, rank, generator, centered=centered, weights=heavy)
+    heavy = None if weights is None else check_weights("weights", weights, (source.n_snapshots,), "snapshot")
+    sketched = sketch(source, rank, generator, centered=centered, weights=heavy)
     rows, directions = sketched.coordinates, sketched.directions
     if share:
         asked = _fewest(sketched, share, asked)
@@ -330,9 +330,9 @@ def reduced_basis(
         wrong = f"n_modes={n_modes}" if kind == "cvt" else f"n_cells={n_cells}"
         raise ValueError(f"{wrong} must be in 1..{error.n_distinct}, the number of snapshots that differ") from error
     energies = _energies(rows, centers, axes, labels) + sketched.missed
-    centers, modes = sketched.mean + centers @ directions, (axes @ directions).astype(given.dtype)
+    centers, modes = sketched.mean + centers @ directions, (axes @ directions).astype(source.dtype)
     parts = centers, modes, labels, medoids, energies
-    return Basis(kind, given.shape, sketched.mean, *parts, sketched.variance)
+    return Basis(kind, source.shape, sketched.mean, *parts, sketched.variance)
 
 
 def _fewest(snapshots: Sketch, share: float, most: int) -> int:

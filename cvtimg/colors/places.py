@@ -83,16 +83,16 @@ def _middle(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -> t
 def agree(samples: ColorSamples, colors: Array) -> tuple[ColorSamples, Array]:
     """Bring samples and given colors to the same channels: to grey if both are, to alpha if one of them has it."""
     # Colors of two and four channels have alpha, unless the samples have as many bands without.
-    given, n_channels = colors.shape[1], samples.colors.shape[1]
+    n_given, n_channels = colors.shape[1], samples.colors.shape[1]
     n_colors = n_channels - samples.alpha
-    if given == n_channels:
+    if n_given == n_channels:
         return samples, colors
     allowed = range(1, 5) if n_colors in (1, 3) else (n_channels,)
-    check_channels("palette", given, allowed, f"for an image of {n_channels}")
-    alpha = has_alpha(given)
+    check_channels("palette", n_given, allowed, f"for an image of {n_channels}")
+    alpha = has_alpha(n_given)
     if alpha and not samples.alpha and (kinds_of(colors, alpha) == OPAQUE).all():
         colors, alpha = colors[:, :-1], False
-    if n_colors < 3 <= given and (colors[:, :1] == colors[:, 1:3]).all():
+    if n_colors < 3 <= n_given and (colors[:, :1] == colors[:, 1:3]).all():
         colors = colors[:, 2:]
     n_seen = max(n_colors, colors.shape[1] - alpha)
     return widen_samples(samples, n_seen, samples.alpha or alpha), widen(colors, alpha, n_seen, samples.alpha or alpha)

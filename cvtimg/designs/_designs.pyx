@@ -68,7 +68,7 @@ cdef inline double square(double a, double b, bint periodic) noexcept nogil:
     return apart * apart
 
 
-cdef inline double own_term(
+cdef inline double wall_term(
     const double[:, ::1] places, Py_ssize_t n, Py_ssize_t point, Py_ssize_t axis, double there
 ) noexcept nogil:
     """Return the terms of one point alone, with another coordinate along an axis; only walls make any."""
@@ -96,14 +96,14 @@ cdef inline double along(double a, double b, int criterion, double scale, bint p
     return scale * square(a, b, periodic)
 
 
-cdef inline double joined(double rest, double one, int criterion) noexcept nogil:
+cdef inline double joined(double rest, double part, int criterion) noexcept nogil:
     """Return what two points cost, of what one axis and the rest add."""
     cdef double inverse
     if criterion == EVEN_BOXES:
-        return 2 * rest * one
+        return 2 * rest * part
     if criterion == APART_IN_AXES:
-        return 1 / (rest * one)
-    inverse = 1 / (rest + one)
+        return 1 / (rest * part)
+    inverse = 1 / (rest + part)
     inverse = inverse * inverse
     inverse = inverse * inverse
     return inverse * inverse
@@ -169,9 +169,9 @@ def swap_coordinates(
             if m < n:
                 continue
             if criterion == EVEN_BOXES and not periodic:
-                change = change + own_term(places, n, i, axis, there) - own_term(places, n, i, axis, here)
+                change = change + wall_term(places, n, i, axis, there) - wall_term(places, n, i, axis, here)
                 if is_pair:
-                    change = change + own_term(places, n, j, axis, here) - own_term(places, n, j, axis, there)
+                    change = change + wall_term(places, n, j, axis, here) - wall_term(places, n, j, axis, there)
             changes[t] = change
             if change < threshold:
                 places[i, axis] = there

@@ -195,8 +195,8 @@ def design(
     Examples
     --------
     >>> from cvtimg import design
-    >>> found = design(8, [[0, 1], [-5, 5]], effort="fast")
-    >>> np.sort(found.points[:, 1]).tolist()
+    >>> result = design(8, [[0, 1], [-5, 5]], effort="fast")
+    >>> np.sort(result.points[:, 1]).tolist()
     [-4.375, -3.125, -1.875, -0.625, 0.625, 1.875, 3.125, 4.375]
     """
     check_count("n_points", n_points, MAX_COLORS, "the most points")
@@ -207,8 +207,8 @@ def design(
     if not is_axis.any():
         return _of_categories(n_points, factors, existing, effort, rng)
     region = Region([factor for factor in factors if not factor.is_category], feasible, density)
-    given = _checked_existing(existing, factors)
-    old, n_all = given[:, is_axis], n_points + len(given)
+    held = _checked_existing(existing, factors)
+    old, n_all = held[:, is_axis], n_points + len(held)
     _check_together(region, latin, periodic, criterion, n_all)
     random = np.random.default_rng(rng)
     samples, weights = region.samples(EFFORTS[effort].samples * n_all, random)
@@ -231,11 +231,11 @@ def design(
     else:
         unit = place_for(criterion, cube, n_points, old, effort, random)
     energy = cube(np.concatenate([old, unit])).energy
-    unit = _with_categories(factors, given, unit, random)
+    unit = _with_categories(factors, held, unit, random)
     ends = np.array([(factor.low, factor.high) for factor in factors])
     points, runs = (
         np.stack([factor.at(column) for factor, column in zip(factors, places.T, strict=True)], axis=1)
-        for places in (unit, given)
+        for places in (unit, held)
     )
     return Design(points, unit, ends, runs, energy, latin, periodic, tuple(factors))
 
@@ -244,9 +244,9 @@ def _of_categories(
     n_points: int, factors: list[Factor], existing: ArrayLike | None, effort: EffortName, rng: int | np.random.Generator
 ) -> Design:
     """Share out levels evenly, each by itself and in pairs, along an axis that is left out again."""
-    given = _checked_existing(existing, factors)
-    places = (np.arange(len(given)) + 0.5) / max(len(given), 1)
-    together = np.column_stack([places, given])
+    held = _checked_existing(existing, factors)
+    places = (np.arange(len(held)) + 0.5) / max(len(held), 1)
+    together = np.column_stack([places, held])
     whole = design(n_points, [Factor(" "), *factors], existing=together, effort=effort, rng=rng)
     parts = {name: getattr(whole, name)[:, 1:] for name in ("points", "unit_points", "existing")}
     return replace(whole, **parts, bounds=whole.bounds[1:], energy=0.0, factors=tuple(factors))

@@ -82,7 +82,7 @@ def absorb(
     Lists of borders are put together as they are, and the regions beyond looked up, because most small regions border
     on the same large one. Return the region that each is now part of.
     """
-    cdef Py_ssize_t n_regions = sizes.shape[0], dims = means.shape[1], size, f, n_found, d, n_entries = 0
+    cdef Py_ssize_t n_regions = sizes.shape[0], dims = means.shape[1], size, f, n_neighbors, d, n_entries = 0
     cdef int32_t region, other, best, half, entry
     cdef int32_t[::1] heads = np.full(n_regions, -1, np.int32), tails = np.full(n_regions, -1, np.int32)
     cdef int32_t[::1] following = np.empty(2 * ends.shape[0], np.int32), degrees = np.zeros(n_regions, np.int32)
@@ -90,7 +90,7 @@ def absorb(
     cdef int32_t[::1] queues = np.full(min_size, -1, np.int32)
     cdef int32_t[::1] entries = np.empty(2 * n_regions, np.int32), queued = np.empty(2 * n_regions, np.int32)
     cdef double[::1] touching = np.zeros(n_regions)
-    cdef int32_t[::1] found = np.empty(n_regions, np.int32)
+    cdef int32_t[::1] neighbors = np.empty(n_regions, np.int32)
     parents_ = np.arange(n_regions, dtype=np.int32)
     cdef int32_t[::1] parents = parents_
     cdef int32_t *parent = &parents[0]
@@ -110,20 +110,20 @@ def absorb(
                 entry = entries[entry]
                 if parent[region] != region or sizes[region] != size:
                     continue
-                n_found = 0
+                n_neighbors = 0
                 half = heads[region]
                 while half >= 0:
                     other = root_of(parent, ends[half // 2, 1 - half % 2])
                     if other != region:
                         if touching[other] == 0:
-                            found[n_found] = other
-                            n_found += 1
+                            neighbors[n_neighbors] = other
+                            n_neighbors += 1
                         touching[other] += lengths[half // 2]
                     half = following[half]
                 best = -1
                 least = 0
-                for f in range(n_found):
-                    other = found[f]
+                for f in range(n_neighbors):
+                    other = neighbors[f]
                     cost = 0
                     for d in range(dims):
                         step = means[region, d] - means[other, d]

@@ -47,11 +47,11 @@ def find_borders(labels: Ints) -> Borders:
     for axis in (1, 0):
         before, after = (labels[:, :-1], labels[:, 1:]) if axis else (labels[:-1], labels[1:])
 
-        def meet(own: slice, axis: int = axis, before: Ints = before, after: Ints = after) -> tuple[Array, ...]:
-            here, there = before[own], after[own]
+        def meet(stripe: slice, axis: int = axis, before: Ints = before, after: Ints = after) -> tuple[Array, ...]:
+            here, there = before[stripe], after[stripe]
             rows, columns = np.nonzero((here != there) & (here > 0) & (there > 0))
             low, high = np.sort([here[rows, columns] - 1, there[rows, columns] - 1], axis=0).astype(dtype)
-            return low, high, rows + own.start, columns, np.full(len(rows), axis == 0)
+            return low, high, rows + stripe.start, columns, np.full(len(rows), axis == 0)
 
         parts += in_stripes(meet, len(before), 8.0 * labels.size, 128)
     low, high, rows, columns, is_flat = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -154,12 +154,12 @@ def track_labels(labels: ArrayLike) -> Ints:
     >>> track_labels([[[1, 1, 0, 2, 2]], [[0, 0, 0, 1, 1]], [[5, 5, 0, 0, 1]]])[:, 0].tolist()
     [[1, 1, 0, 2, 2], [0, 0, 0, 2, 2], [3, 3, 0, 0, 2]]
     """
-    given = np.asarray(labels)
-    check_that(f"labels of shape {given.shape}", given.ndim in (3, 4), "be (T, H, W) or (T, Z, H, W)")
-    check_that(f"labels of type {given.dtype}", given.dtype.kind in "iu", "be integers")
-    tracks = np.zeros(given.shape, np.int32)
+    frames = np.asarray(labels)
+    check_that(f"labels of shape {frames.shape}", frames.ndim in (3, 4), "be (T, H, W) or (T, Z, H, W)")
+    check_that(f"labels of type {frames.dtype}", frames.dtype.kind in "iu", "be integers")
+    tracks = np.zeros(frames.shape, np.int32)
     last = 0
-    for number, frame in enumerate(given):
+    for number, frame in enumerate(frames):
         present, indices = np.unique(frame, return_inverse=True)
         new = np.zeros(len(present), np.int32)
         if number:

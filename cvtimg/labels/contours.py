@@ -249,14 +249,14 @@ def _between_centers(cracks: _Cracks, rimmed: Ints, picture: Array) -> list[Poin
     """Draw the lines where those from pixel to pixel cross them; junctions lie in the middle of what is around them."""
     means = region_means(rimmed[1:-1, 1:-1], picture)
     labels = np.stack([rimmed[tuple(side.T)] for side in (cracks.right, cracks.left)], axis=1)
-    told = (labels > 0).all(axis=1)
-    mean_right, mean_left = means[labels[told]].swapaxes(0, 1)
+    is_inner = (labels > 0).all(axis=1)
+    mean_right, mean_left = means[labels[is_inner]].swapaxes(0, 1)
     across, middle = mean_left - mean_right, (mean_left + mean_right) / 2
-    pixels = (picture[tuple(side[told].T - 1)] for side in (cracks.right, cracks.left))
+    pixels = (picture[tuple(side[is_inner].T - 1)] for side in (cracks.right, cracks.left))
     at_right, at_left = (((pixel - middle) * across).sum(axis=1) for pixel in pixels)
     crosses = (at_right < 0) & (at_left > 0)
     part = np.full(len(labels), 0.5)
-    part[told] = np.where(
+    part[is_inner] = np.where(
         crosses, np.clip(-at_right / np.where(crosses, at_left - at_right, 1), CLEARANCE, 1 - CLEARANCE), 0.5
     )
     crossings = (cracks.right - 0.5 + (cracks.left - cracks.right) * part[:, None])[:, ::-1]

@@ -138,26 +138,26 @@ cdef class Buckets:
         double scale,                        # IN: pixels in one of these units
         Py_ssize_t start,                    # IN: parts start..stop - 1 of P of the generators are finished
         Py_ssize_t stop,                     # IN
-        double[:, ::1] found,                # INOUT (K, 3): 0 before; mass, and its center, or the generator if it is 0
+        double[:, ::1] totals,                # INOUT (K, 3): 0 before; mass, and its center, or the generator if it is 0
         double[::1] energies,                # INOUT (P,): 0 before; of each part, less the second moment of the density
     ):
         """Add the sums of all parts, the first to the last, so that no bit depends on threads."""
-        cdef Py_ssize_t n_parts = sums.shape[0], own, first, last, part, place, k, d
+        cdef Py_ssize_t n_parts = sums.shape[0], share, first, last, part, place, k, d
         cdef double here, *total
         with nogil:
-            for own in range(start, stop):
-                first, last = self.n_generators * own // n_parts, self.n_generators * (own + 1) // n_parts
+            for share in range(start, stop):
+                first, last = self.n_generators * share // n_parts, self.n_generators * (share + 1) // n_parts
                 for part in range(n_parts):
                     for place in range(max(first, touched[part, 0]), min(last, touched[part, 1])):
                         for d in range(3):
-                            found[self.order[place], d] += sums[part, place, d]
+                            totals[self.order[place], d] += sums[part, place, d]
                 for place in range(first, last):
                     k = self.order[place]
-                    total = &found[k, 0]
+                    total = &totals[k, 0]
                     for d in range(2):
                         total[1 + d] = total[1 + d] / (total[0] * scale) if total[0] > 0 else generators[k, d]
                         here = generators[k, d] - origin[d]
-                        energies[own] += total[0] * here * (here - 2 * (total[1 + d] - origin[d]))
+                        energies[share] += total[0] * here * (here - 2 * (total[1 + d] - origin[d]))
 
     def label_pixels(
         self,

@@ -274,9 +274,9 @@ def show_box(axes: Axes, low: Array, high: Array, *, y_down: bool = False) -> No
     axes.set_ylim(ends[::-1] if y_down else ends)
 
 
-def save_plot(path: Path, draw: Callable[..., bytes], *given: Any, overwrite: bool = False, **more: Any) -> None:
+def save_plot(path: Path, draw: Callable[..., bytes], *arguments: Any, overwrite: bool = False, **more: Any) -> None:
     """Write what a function of this package, such as `draw_mesh`, draws of its arguments; .png or .svg."""
-    write_whole(path, draw(*given, suffix=path.suffix.lower(), **more), overwrite=overwrite)
+    write_whole(path, draw(*arguments, suffix=path.suffix.lower(), **more), overwrite=overwrite)
 
 
 @contextmanager

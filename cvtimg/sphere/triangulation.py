@@ -77,15 +77,15 @@ class SphereTriangulation(HalfEdges):
         The density is given at points (N,) and at circumcenters (T,), and taken to be linear in between.
         """
         moments, (masses, energies) = np.empty_like(self.points), np.empty((2, len(self.points)))
-        given = centers, self.first_edges(), at_points, at_centers
-        kernel = partial(_sphere.sum_weighted, self, *given, masses, moments, energies)
+        tables = centers, self.first_edges(), at_points, at_centers
+        kernel = partial(_sphere.sum_weighted, self, *tables, masses, moments, energies)
         in_parts(kernel, len(moments), WORK * len(moments))
         return masses, moments, energies
 
     def areas(self) -> Floats:
         """Return the areas (N,) of Voronoi cells; together 4 pi."""
-        ones = np.ones(len(self.points)), self.circumcenters(), np.ones(len(self.triangles))
-        return self.weighted_moments(*ones)[0]
+        uniform = np.ones(len(self.points)), self.circumcenters(), np.ones(len(self.triangles))
+        return self.weighted_moments(*uniform)[0]
 
     def cells(self) -> SphereCells:
         """Return the Voronoi cells of all points."""
