@@ -1,7 +1,5 @@
 """Files of numbers larger than memory, here or elsewhere: arrays and columns that are read when they are needed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext

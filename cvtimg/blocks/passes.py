@@ -4,8 +4,6 @@ Dask decides where and in which order the work is done, retries it, and moves an
 a tree that depends only on the number of blocks, so it has the same bits for any number of workers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count

@@ -5,8 +5,6 @@ generator removes much of the energy; from there on it removes only some of the 
 in `cvtimg.elbow.rules` say where.
 """
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace

@@ -3,8 +3,6 @@
 A rule takes E(k) for k = 1, 2, ... and their scale, and returns k.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ generator that helps least is removed. So a few searches from scratch, at number
 between: upwards by dividing, downwards by removing. All of this uses fewer points; only the last moves are on all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Weighted samples, which the engine tessellates, and their order along a curve, where near ones are consecutive."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

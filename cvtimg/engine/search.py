@@ -5,8 +5,6 @@ search happens there. Tables of few rows are searched as they are, by evolution:
 only few rows are worth.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The server's addresses."""
 
-from __future__ import annotations
-
 import json
 import mimetypes
 import re

@@ -1,7 +1,5 @@
 """Lines of Python that are run as the page shows them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import is_dataclass

@@ -5,8 +5,6 @@ of those that come meanwhile only the newest waits. Drafts overtake results; a n
 and so does a person who has waited long enough.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

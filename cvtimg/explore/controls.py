@@ -4,8 +4,6 @@ Most are made from the options of the command (`controls_of`). The page draws th
 checks what it receives by `Control.parse`, and the command that the page shows consists of `Control.words`.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -7,8 +7,6 @@ cookie, since browsers send cookies to all ports of a machine. Only the files of
 all.
 """
 
-from __future__ import annotations
-
 import secrets
 from asyncio import CancelledError
 from collections.abc import Collection

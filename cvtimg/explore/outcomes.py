@@ -1,7 +1,5 @@
 """Results of a tab: what the page shows of them, and the files that it offers."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Settings that come from elsewhere: a command that is pasted, and those that a person has named, in a file."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex

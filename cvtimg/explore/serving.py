@@ -1,7 +1,5 @@
 """Serve the page until nobody uses it any more."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import os

@@ -1,7 +1,5 @@
 """What is open on a server: pictures, palettes and results, within limits."""
 
-from __future__ import annotations
-
 import math
 import os
 import secrets

@@ -1,7 +1,5 @@
 """Triangles, how good they are, and the half-edges between them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ left of the error is diffused, as by R. Floyd and L. Steinberg, Proc. SID 17 (19
 than to the next row.
 """
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np

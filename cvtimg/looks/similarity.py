@@ -3,8 +3,6 @@
 J. Sneyers, SSIMULACRA 2, Cloudinary (2022), https://github.com/cloudinary/ssimulacra2.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache, reduce
 from pathlib import Path

@@ -3,8 +3,6 @@
 Formats are registered here by suffix. Images can be read as palettes, too.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Contents of palette files, their order, and parsing of colors given as text."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal

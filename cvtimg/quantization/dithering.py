@@ -1,7 +1,5 @@
 """Dithering: colors of a palette mixed from pixel to pixel, so that areas keep the color of the original."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Quantize a file into another, in the way that suits it: an image, an animation, pages, or bands of a large image."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 A value of n bits becomes one of an image by repeating its bits, as emulators show it: of 5 bits, abcde is abcdeabc.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Pixels for eyes: errors count where they are seen, and indices are chosen by the bytes that they need."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

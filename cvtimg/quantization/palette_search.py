@@ -1,7 +1,5 @@
 """Palettes that represent samples of colors with the least error."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypedDict, Unpack

@@ -1,7 +1,5 @@
 """Where a figure of results reaches a target, with few trials."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Color quantization of images larger than memory: one pass through the file to count colors, one to map them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

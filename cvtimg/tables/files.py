@@ -4,8 +4,6 @@ A table is text with a delimiter, such as CSV, a NumPy array in a ``.npy`` file,
 Its columns have names.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain

@@ -3,8 +3,6 @@
 A new method is a function like `lloyd` in a file of its own, and a line in `METHODS` that declares what it can do.
 """
 
-from __future__ import annotations
-
 from cvtimg._shared.checks import check_choice, raise_unsupported
 from cvtimg._shared.choices import MethodName
 from cvtimg._shared.iteration import Callback, Stopping, Watch

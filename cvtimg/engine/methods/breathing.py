@@ -4,8 +4,6 @@ B. Fritzke, The breathing k-means algorithm, arXiv:2006.15666. Here cells are di
 generators added and removed is halved after each breath that did not help.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 S. Lloyd, IEEE Trans. Information Theory 28 (1982), doi 10.1109/TIT.1982.1056489.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import cvtimg.engine._kernels as _kernels

@@ -12,8 +12,6 @@ A. Aggarwal, B. Schieber, T. Tokuyama, Discrete & Computational Geometry 12 (199
 (prices, and how to join cuts); A. Gronlund and others, arXiv:1701.07204 (k-means by prices).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

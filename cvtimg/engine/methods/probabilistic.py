@@ -8,8 +8,6 @@ nearer to a centroidal Voronoi tessellation. Chance raises the energy now and th
 returned are the best so far.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

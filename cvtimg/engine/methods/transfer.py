@@ -7,8 +7,6 @@ E_p; single transfers, whose effect on E_p is known exactly, never do. With p = 
 Lloyd's method too. It is slower than Lloyd's method: each point in turn is compared with every generator.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import cvtimg.engine._kernels as _kernels

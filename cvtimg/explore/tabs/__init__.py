@@ -1,7 +1,5 @@
 """Tabs of the page: each declares its controls, and makes a result of their settings."""
 
-from __future__ import annotations
-
 from cvtimg._shared.choices import Options
 from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window

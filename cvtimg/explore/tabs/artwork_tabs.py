@@ -1,7 +1,5 @@
 """Stipple and Mosaic: the tones of the picture as dots, and the picture as convex tiles of one color each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar

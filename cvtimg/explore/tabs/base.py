@@ -1,7 +1,5 @@
 """What a tab of the page is: its controls, and a function from settings to a result."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Colors and Palette: the picture in the palette that represents it with the least error, or in a chosen one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Restore: one picture from several noisy or incomplete versions of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

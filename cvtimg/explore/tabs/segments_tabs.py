@@ -1,7 +1,5 @@
 """Segments and Mesh: the picture divided into segments, regions or superpixels, and these into triangles."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Mapping, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Tabs that need no picture: Sphere, grids of a globe that turns, and Design, points in each pair of their axes."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from html import escape

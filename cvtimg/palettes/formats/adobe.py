@@ -1,7 +1,5 @@
 """Palettes of Adobe programs: color tables (.act) and Swatch Exchange (.ase)."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Images as palettes: write one square per color, and read the colors of any image that has few."""
 
-from __future__ import annotations
-
 from io import BytesIO
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Palettes as text: of GIMP, JASC and paint.net, and lists of colors for Lospec, JSON and style sheets."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct
