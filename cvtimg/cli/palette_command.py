@@ -41,6 +41,7 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.palettes.files import PALETTE_FORMATS
     from cvtimg.pictures.stacks import read_whole
     from cvtimg.quantization import main_palette, map_to_palette
+    from cvtimg.quantization.images import as_seen
 
     # A palette file is an image of one pixel for each color.
     is_palette = task.source.suffix.lower() in PALETTE_FORMATS.keys() - {".png"}
@@ -48,9 +49,12 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("read")
     if image.ndim == 3 and image.shape[2] not in (3, 4):
         raise ValueError(f"has {image.shape[2]} bands, which are not colors")
+    image = as_seen(image)
     if image.dtype.kind in "iu" and image.dtype.itemsize > 2:
         raise ValueError(f"has {image.dtype} samples, of which nothing tells which is white: save 8 or 16 bits")
-    image = to_depth(image, np.dtype(np.uint8))
+    known = np.isfinite(image)
+    image = to_depth(image if known.all() else np.where(known, image, 0).view(type(image)), np.dtype(np.uint8))
+    image = image if known.all() else np.ma.masked_array(image, ~known)
     n_distinct = color_samples(image).n_colors
     locked = given.arguments.get("locked")
     if given.main:
@@ -62,7 +66,8 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     else:
         wanted = given.number or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
         result = quantize(image, wanted, space=given.space, locked=locked)
-    counts = np.bincount(result.indices.ravel(), minlength=len(result.palette))
+    labels = result.indices if result.inside is None else result.indices[result.inside]
+    counts = np.bincount(labels.ravel(), minlength=len(result.palette))
     order = color_order(result.palette, given.sort, density=counts)
     colors, counts = result.palette[order], counts[order]
     stopwatch.lap("cluster")

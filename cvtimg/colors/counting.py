@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.checks import check_pixels
 from cvtimg._shared.pixels import array_of, says_alpha
 from cvtimg.colors.places import widen_samples, without_idle_alpha
 from cvtimg.colors.samples import NO_PIXELS, ColorSamples, color_samples, merge_samples
@@ -51,7 +52,8 @@ def count_picture(
     image = read_image(picture) if isinstance(picture, (str, os.PathLike)) else picture
     alpha = says_alpha(image)
     if depth:
-        image = to_depth(array_of(image), np.dtype(f"uint{depth}"))
+        array, mask = check_pixels("image", image, mask)
+        image = to_depth(array, np.dtype(f"uint{depth}"))
     if alpha:
         seen = without_idle_alpha(array_of(image))
         image, alpha = seen, seen.shape[2] in (2, 4)

@@ -240,6 +240,8 @@ class Given(SimpleNamespace):
     def worded(self, message: str) -> str:
         """Return a message about arguments of the Python function in the words of the command line."""
         options = {**self.options, **self.keywords}
+        if "superpixels" in options:  # -k is the number of whatever segments there are
+            options |= dict.fromkeys(("n_segments", "n_regions", "n_superpixels"), options["number"])
         return reworded(message, {name: option.flag for name, option in options.items() if option.words}, " ")
 
     def condition(self, text: str) -> str:

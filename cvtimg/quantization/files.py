@@ -20,7 +20,7 @@ from cvtimg.pictures.stacks import Stack, open_stack
 from cvtimg.pictures.tiles import TILED_SUFFIXES, needs_tiles
 from cvtimg.quantization.dithering import blue_noise_mask
 from cvtimg.quantization.driver import QuantizeOptions, quantized
-from cvtimg.quantization.images import PictureSource
+from cvtimg.quantization.images import PictureSource, as_seen
 from cvtimg.quantization.looks import MAX_ENTRIES
 from cvtimg.quantization.series import QuantizedSeries, SeriesSource
 from cvtimg.quantization.tiled import TiledSource
@@ -207,6 +207,7 @@ def quantize_file(
             depth = "8"
             warn("16 bits per channel become 8, which screens show; depth 16 keeps them")
         image = to_depth(stack.content, np.dtype(f"uint{depth}")) if depth else stack.content
+        image = as_seen(image) if how.space != "rgb" else image
         how, mask = _at_depth(how, image.dtype), masks and masks[0]
         work = PictureSource(image, None, mask, reading.weights, how.suffix, metadata, smallest)
         if stack.header and stack.header.mode == "P" and how.palette is None:

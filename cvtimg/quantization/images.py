@@ -154,15 +154,19 @@ def quantize(
         space=space, dither=dither, dither_strength=dither_strength, goal=goal, quality=quality, engine=engine,
     ).aimed()  # fmt: skip
     how.check(weights=weights)
-    if how.space != "rgb":
-        array = image if isinstance(image, np.ndarray) else array_of(image)
-        narrow = narrowed(array)
-        image = image if narrow is array else narrow
-        most = float(narrow.max()) if narrow.size else 0.0
-        if 0 < most <= peak(narrow.dtype) and narrow.min() >= 0 and not are_shades(narrow):
-            warn(f"the image is nearly black to eyes: it reaches {most:g}, and white is {peak(narrow.dtype):g}")
-    result: Quantized = quantized(PictureSource(image, alpha, mask, weights), how)
+    seen = as_seen(image) if how.space != "rgb" else image
+    result: Quantized = quantized(PictureSource(seen, alpha, mask, weights), how)
     return result
+
+
+def as_seen(image: Any) -> Any:
+    """Return an image whose white is that of its type, where this can be; warn where that leaves it nearly black."""
+    array = image if isinstance(image, np.ndarray) else array_of(image)
+    narrow = narrowed(array)
+    most = float(narrow.max()) if narrow.size else 0.0
+    if 0 < most <= peak(narrow.dtype) and narrow.min() >= 0 and not are_shades(narrow):
+        warn(f"the image is nearly black to eyes: it reaches {most:g}, and white is {peak(narrow.dtype):g}")
+    return image if narrow is array else narrow
 
 
 class PictureSource(Source):

@@ -103,3 +103,13 @@ def test_colors_themselves_are_a_palette() -> None:
     for wrong in ("#102030,#f0e0d0ff", "#1020", "102030,f0e0d0"):
         with pytest.raises(OSError, match="is no file, and no known palette: cga, game-boy"):
             read_palette(wrong)
+
+
+def test_wide_integers_are_the_picture_that_they_hold_and_nan_is_no_color(row_of: RowOf) -> None:
+    holes = np.where(FLAG == 46, np.nan, FLAG / 255)
+    np.save("wide.npy", FLAG.astype(np.int64))
+    np.save("holes.npy", holes)
+    assert palette_of(row_of, "wide.npy") == [("#0000ff", 0.5), ("#c8102e", 0.25), ("#ffff00", 0.25)]
+    assert palette_of(row_of, "holes.npy") == [("#0000ff", 2 / 3), ("#ffff00", 1 / 3)]
+    np.save("dark.npy", FLAG.astype(np.uint16))
+    assert "nearly black" in row_of("palette", "dark.npy")["warning"]
