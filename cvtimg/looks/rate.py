@@ -16,8 +16,9 @@ from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bytes, Floats, Floats32
 from cvtimg.looks.similarity import blurred
 
-#: Rows that are mapped without those above them, so that several threads share the work.
-_BAND = 64
+#: Bands are mapped without the rows above them, so that several threads share the work: they have so many rows at
+#: least, and so many times the pixels that matches reach back. With 2, files are 1.1 % larger, with 8 .1 % smaller.
+_BAND, _WINDOWS = 64, 4
 #: Steps of the kernel for each coordinate of a pixel, by which work is divided among threads.
 _WORK = 1000
 #: Share of the error that is handed on: with more, grain costs bytes; with less, tones drift.
@@ -125,7 +126,8 @@ def map_by_rate(
             rate.price, literal, side, strength, longest, indices[rows],
         )  # fmt: skip
 
-    in_stripes(kernel, height, _WORK * targets.size, _BAND)
+    rows = max(_BAND, _WINDOWS * (_looks.FARTHEST << shift) // width)
+    in_stripes(kernel, height, _WORK * targets.size, rows)
     return indices
 
 

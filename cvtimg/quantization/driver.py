@@ -31,7 +31,7 @@ from cvtimg._shared.types import Array
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
-from cvtimg.looks.rate import USUAL, Rate
+from cvtimg.looks.rate import USUAL, CoderName, Rate
 from cvtimg.looks.similarity import content_quality, visual_quality
 from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES, streaks
@@ -76,7 +76,8 @@ class _Aiming(NamedTuple):
     prices_of_phrases: Sequence[float] = tuple(np.geomspace(4.8, 0.02, 237).tolist())
     # For files that must be small: streaks look better than few colors.
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
-    # A search for a quality ends with a result that is better by at most `close`, or a third of that for each mapping.
+    # A search for a quality ends with a result that is better by at most `close`, and by that more with each mapping
+    # after the fourth.
     close: float = 0.5
     # A sample so near to the quality is enough to go on with the whole; so far above it are other numbers of colors
     # tried, that prices then lower.
@@ -196,8 +197,9 @@ class QuantizeOptions:
     @property
     def rate(self) -> Rate:
         """What small files are worth to `dither="compact"`."""
-        n_matches = self.n_matches or MATCHES[self.engine.get("effort", "balanced")]
-        return Rate(self.price, n_matches, "lzw" if self.suffix == ".gif" else "deflate", self.keeps_exact)
+        coder: CoderName = "lzw" if self.suffix == ".gif" else "deflate"
+        n_matches = self.n_matches or MATCHES[coder][self.engine.get("effort", "balanced")]
+        return Rate(self.price, n_matches, coder, self.keeps_exact)
 
     @property
     def strength(self) -> float:
@@ -437,7 +439,7 @@ class _Search:
                 self._mapped(setting)
                 least, most_below, most_above = self.least(), 2.5 * _AIMING.close, 2.5 * _AIMING.close
                 if self._given:
-                    most_below, most_above = 0, _AIMING.close * max(1, n / 3)
+                    most_below, most_above = 0, _AIMING.close * max(1, n - 3)
                 if any(-most_below <= self._seen(some) - least <= most_above for some in self._whole):
                     break
                 setting = self._following(least + (most_above - most_below) / 2)

@@ -11,12 +11,15 @@ from cvtimg._shared.types import Array, Bools, Floats, Ints
 from cvtimg.colors.places import CLEAR, allowed_for, kinds_of
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import to_space
-from cvtimg.looks.rate import REACH, Rate, map_by_rate, visibility
+from cvtimg.looks.rate import REACH, CoderName, Rate, map_by_rate, visibility
 
 #: Largest palette of a .gif or .png, in which an index is a byte.
 MAX_ENTRIES = 256
 #: Matches followed from a pixel, by effort.
-MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 32, "best": 256}
+MATCHES: dict[CoderName, dict[EffortName, int]] = {
+    "deflate": {"fast": 16, "balanced": 128, "best": 256},
+    "lzw": {"fast": 16, "balanced": 32, "best": 256},
+}
 
 #: Greatest variance, in squared levels, of what is around a pixel in smooth areas.
 _SMOOTH = 4.0
