@@ -28,9 +28,7 @@ class Spacing:
     closed: int = 6  # edges that a closed smooth line has at least
     near: float = 0.4  # no vertex is nearer to the edge of another line than this part of that edge,
     beyond: float = 0.3  # or than this part of that where only the outside is between them, and no triangle
-    sharp: float = (
-        0.42  # where two lines meet at an angle with less than this sine, sizes that grow from there are best
-    )
+    sharp: float = 0.42  # where lines meet at an angle with less than this sine, sizes that grow from there are best
     tip: float = 5.0  # lengths of the edge: shorter ones would move what is narrow nearer to the corner
     short: float = 0.75  # the sizes around follow edges that are shorter than this part of what was wanted
     finest: float = 0.0  # but no size is lowered to less, in pixels: edges may shrink to nothing where areas are kept

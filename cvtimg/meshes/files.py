@@ -113,9 +113,7 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     names: dict[str, Any] = {}
     sets: dict[str, Any] = {}
     dimension, name, inside = (2, "surface", "inside") if mesh.kind == "tetra" else (1, "border", None)
-    if suffix == ".msh" and len(
-        mesh.sides
-    ):  # borders or the surface are the physical group 1 of their dimension, and tags are groups
+    if suffix == ".msh" and len(mesh.sides):  # borders or the surface are a physical group, and so are tags
         cells = [(_CELLS[mesh.kind][1], mesh.sides), *cells]
         of_sides = np.ones(len(mesh.sides), np.int32) if mesh.side_tags is None else mesh.side_tags
         # Readers tell groups by their numbers alone: sides without a name have one beyond all others.

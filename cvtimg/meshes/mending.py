@@ -28,9 +28,7 @@ class Mending:
     patience: int = 6  # rounds without a gain before it is given up
     moves: int = 6  # in each round, vertices move so often,
     smoothings: int = 10  # and triangles are smoothed so often
-    near: float = (
-        0.7  # vertices go where new ones are nearer than this part of the new edges, then where edges are short
-    )
+    near: float = 0.7  # vertices go where new ones are nearer than this part of new edges, then where edges are short
 
 
 def mend(

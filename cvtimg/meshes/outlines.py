@@ -87,12 +87,15 @@ class Outline:
         """Length of the diagonal of the bounds."""
         return float(np.hypot(*(self.bounds[1] - self.bounds[0])))
 
-    def staying(self, places: Points) -> Outline:
-        """Return the outline with the nodes at places (P, 2) still."""
+    def cut(self, lines: Sequence[Points], source: Indices | list[int], still: Points) -> Outline:
+        """Return the outline with lines that are parts of those of `source`, and nodes at places (P, 2) still."""
         from scipy.spatial import cKDTree
 
-        gaps = cKDTree(places).query(self.nodes)[0]
-        return replace(self, still=tuple(np.flatnonzero(gaps <= ON_LINE * self.diameter).tolist()))
+        areas = None if self.areas is None else self.areas.of_parts(np.array(source))
+        about = self.bounds, self.mask, self.contains, areas, self.polygons, self.changes
+        cut = Outline.of(lines, self.sides[source], *about)
+        gaps = cKDTree(np.concatenate([still, self.nodes[list(self.still)]])).query(cut.nodes)[0]
+        return replace(cut, still=tuple(np.flatnonzero(gaps <= ON_LINE * self.diameter).tolist()))
 
     def check_inside(self, name: str, points: Points, values: Floats, right: Bools, allowed: str) -> None:
         """Refuse values (N, ...) that are not right (N,) at points (N, 2) inside."""
@@ -300,7 +303,4 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
         cuts = np.flatnonzero((new[:-1, None] == points[here]).all(axis=2).any(axis=1))
         lines += split_line(new, cuts)
         source += [number] * (len(lines) - len(source))
-    areas = None if outline.areas is None else outline.areas.of_parts(np.array(source))
-    about = outline.bounds, outline.mask, outline.contains, areas, outline.polygons, outline.changes
-    cut = Outline.of(lines, outline.sides[source], *about)
-    return cut.staying(np.concatenate([points, outline.nodes[list(outline.still)]])), alone
+    return outline.cut(lines, source, points), alone

@@ -136,11 +136,7 @@ def _with_chords(outline: Outline, twins: list[_Twin], borders: Borders) -> tupl
             lines[k] = chain[:2]
             lines += [chain[j : j + 2] for j in range(1, len(chain) - 1)]
             source = np.append(source, np.full(len(chain) - 2, k))
-    areas = None if outline.areas is None else outline.areas.of_parts(source)
-    about = outline.bounds, outline.mask, outline.contains, areas, outline.polygons, outline.changes
-    cut = Outline.of(lines, outline.sides[source], *about)
-    asked = [outline.nodes[list(outline.still)], *(chain for both in chains for chain in both)]
-    return cut.staying(np.concatenate(asked)), chains
+    return outline.cut(lines, source, np.concatenate([chain for both in chains for chain in both])), chains
 
 
 def _pairs(points: Points, steps: Points, near: float) -> Ints:

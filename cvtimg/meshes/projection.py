@@ -67,11 +67,8 @@ class LocalProjection:
         """Return the longitudes, at most 180 degrees from the middle, and latitudes of places (N, 2) in km."""
         far = np.maximum(np.hypot(*places.T), 1e-12)
         angle = 2 * np.arcsin(np.minimum(far / (2 * _RADIUS), 1))
-        (x, y), sine, cosine = (
-            places.T / far * np.sin(angle),
-            np.sin(np.radians(self.lat)),
-            np.cos(np.radians(self.lat)),
-        )
+        (x, y), middle = places.T / far * np.sin(angle), np.radians(self.lat)
+        sine, cosine = np.sin(middle), np.cos(middle)
         lat = np.arcsin(np.clip(np.cos(angle) * sine + y * cosine, -1, 1))
         lon = np.arctan2(x, cosine * np.cos(angle) - y * sine)
         return np.stack([self.lon + np.degrees(lon), np.degrees(lat)], axis=1)

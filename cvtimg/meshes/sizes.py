@@ -20,7 +20,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.types import Array, Bools, Floats, Ints, Points
 from cvtimg.meshes.fields import Field, PictureField
-from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.outlines import Outline, cross
 from cvtimg.meshes.trees import Sizes, TreeField
 from cvtimg.meshes.triangulation import PlaneTriangulation
 
@@ -91,8 +91,8 @@ class MeshValues:
 
 
 def _counter_clockwise(points: Points, triangles: Ints) -> Ints:
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    turn = cross(b - a, c - a)
     check_have_area("triangles", turn)
     return np.where(turn[:, None] < 0, triangles[:, ::-1], triangles)
 

@@ -33,9 +33,7 @@ class SurfaceEffort:
 
     moves: int  # at most
     offset: float  # they rest when the offset is no more
-    beyond: float = (
-        1.7  # points move by this multiple of the step to the center of mass, which takes fewer moves than 1,
-    )
+    beyond: float = 1.7  # points move by this multiple of the step to the center of mass: fewer moves than with 1,
     last: int = 5  # moves at the end that do without
     longest: float = 0.3  # a step is at most this part of the size of a cell, so that triangles do not turn over
     rest: int = 10  # moves after which the sizes of cells are measured again
