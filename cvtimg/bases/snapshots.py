@@ -25,6 +25,7 @@ from cvtimg.files.finding import find_images
 from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.pictures.files import read_image
 from cvtimg.pictures.frames import Frames, is_animated, read_frames
+from cvtimg.pictures.pages import read_pages
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,8 +65,8 @@ def as_snapshots(snapshots: object) -> Snapshots:
     ----------
     snapshots : array-like, Frames, path, or sequence of paths
         An (N, ...) array of numbers, N >= 1: NumPy, memory-mapped, zarr, HDF5 or Dask, of which some rows are loaded at
-        a time. A path names a folder of images of one size, an animation (GIF, APNG, WebP), a .npy file, which
-        is memory-mapped, or a .zarr array. A sequence of paths names the images themselves.
+        a time. A path names a folder of images of one size, an animation (GIF, APNG, WebP), the pages of a TIFF, a .npy
+        file, which is memory-mapped, or a .zarr array. A sequence of paths names the images themselves.
 
     Returns
     -------
@@ -115,7 +116,10 @@ def _of_path(path: Path) -> Snapshots:
             return _of_array(np.load(file, mmap_mode=None if is_remote(path) else "r"))
     if is_animated(path):
         return _of_array(np.stack(read_frames(path).images))
-    raise ValueError(f"{path} is one image; snapshots must be images, an animation, or a .npy or .zarr array")
+    pages = read_pages(path).images
+    if len(pages) == 1:
+        raise ValueError(f"{path} is one image; snapshots must be images, pages, an animation, or a .npy or .zarr array")
+    return _of_array(np.stack(pages))
 
 
 def _of_images(paths: Sequence[Path]) -> Snapshots:

@@ -176,7 +176,7 @@ def _modes(text: str) -> int | float | str:
 
 BASIS = (
     common.IMAGES._replace(
-        help="An animation (GIF, APNG, WebP), images, a folder of them, or an array, .npy or .zarr."
+        help="An animation (GIF, APNG, WebP), pages of a TIFF, images, a folder of them, or an array, .npy or .zarr."
     ),
     Option(
         "number",

@@ -9,7 +9,7 @@ import pytest
 from cvtimg import reduced_basis, write_image
 from cvtimg._shared.types import Array
 from cvtimg.bases import KINDS, Basis, as_snapshots, read_basis
-from cvtimg.pictures import Frames, write_frames
+from cvtimg.pictures import Frames, write_frames, write_pages
 
 RNG = np.random.default_rng(0)
 #: Decaying singular values, with a large mean that all have in common.
@@ -188,9 +188,10 @@ def test_a_folder_a_film_and_an_array_give_the_same_rows(tmp_path: Path) -> None
     for number, image in enumerate(IMAGES):
         write_image(folder / f"{number}.png", image)
     write_frames(tmp_path / "film.png", Frames(tuple(IMAGES), (40,) * 5, 0))
+    write_pages(tmp_path / "pages.tif", IMAGES)
     frames = Frames(tuple(IMAGES.copy()), (40,) * 5, 0)
     expected = IMAGES.reshape(5, -1)
-    for given in (IMAGES, folder, tmp_path / "film.png", frames, sorted(folder.iterdir())):
+    for given in (IMAGES, folder, tmp_path / "film.png", tmp_path / "pages.tif", frames, sorted(folder.iterdir())):
         assert as_snapshots(given).shape == (6, 8, 3)
         assert (rows_of(given) == expected).all()
 
