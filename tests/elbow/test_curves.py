@@ -70,14 +70,6 @@ def test_a_grey_curve_is_the_optimum_at_every_k() -> None:
         assert curve.energies[k - 1] == pytest.approx(best, rel=1e-9)
 
 
-def test_the_curve_ends_with_nothing_left_at_the_number_of_distinct_colors() -> None:
-    picture = flat_picture(7, 0, 0)
-    curve = energy_curve(picture, 64)
-    assert curve.n_max == 7
-    assert curve.energies[-1] == 0
-    assert sorted(curve.generators[-1].tolist()) == np.unique(picture.reshape(-1, 3), axis=0).tolist()
-
-
 @pytest.mark.parametrize("n_dims", [1, 3, 40])
 def test_rows_that_are_all_equal_are_one_cluster(n_dims: int) -> None:
     curve = energy_curve(np.full((40, n_dims), 0.1), 4)

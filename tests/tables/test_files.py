@@ -90,13 +90,6 @@ def test_the_weight_is_no_coordinate(file: Path) -> None:
     assert table.rows.flags.c_contiguous
 
 
-def test_a_table_cannot_be_changed(file: Path) -> None:
-    table = read(file, "a,n\n1,2\n", weight="n")
-    for array in (table.rows, table.weights, table.kept):
-        assert array is not None
-        assert not array.flags.writeable
-
-
 # Missing values
 
 
