@@ -16,8 +16,8 @@ EXAMPLES = """\
   cvtimg basis frames/ -n 4 --kind cvod --cells 12 -o frames.npz
 """
 COLUMNS = ("snapshots", "kind", "n", "cells", "explained", "energy", "seconds", "output")
-#: Modes in a row of a sheet.
-_MOST_SHOWN, _IN_A_ROW = 23, 6
+#: Images in a row of a sheet, which has four rows at most: with more, they are too small to be told apart.
+_IN_A_ROW = 6
 
 
 def basis(given: Given) -> Todo:
@@ -59,5 +59,5 @@ def _panels(basis: Basis) -> list[list[tuple[Array, str]]]:
         for number, mode in enumerate(modes):
             about_grey = np.rint(127.5 + 127.5 * mode / max(np.abs(mode).max(), 1e-30)).astype(np.uint8)
             panels.append((about_grey.reshape(basis.shape), f"mode {number + 1}"))
-    shown = panels[: _MOST_SHOWN + 1]
+    shown = panels[: 4 * _IN_A_ROW]
     return [shown[start : start + _IN_A_ROW] for start in range(0, len(shown), _IN_A_ROW)]

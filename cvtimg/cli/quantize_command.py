@@ -54,7 +54,7 @@ _LARGER = "larger than the input; --skip-if-larger leaves such files out"
 #: Formats in which a number of colors makes no form of its own, and those in which it does.
 _WITHOUT_PALETTE, _WITH_PALETTE = (".webp", ".ppm", ".pgm"), (".png", ".gif", ".bmp", ".tif", ".tiff")
 
-#: Qualities of all and of the content that differ by more are both told.
+#: Points of quality by which all and the content may differ, or both are told.
 _APART = 2.0
 
 

@@ -264,24 +264,19 @@ def _lines(text: str) -> list[Any]:
 
 def read_width(width: float | Path, circles: list[_Finer]) -> CellWidth:
     """Return widths of cells in km: one, or a map of them, with circles of finer cells."""
-    from cvtimg.sphere import CellWidth, WidthCircle
+    from cvtimg.sphere import CellWidth, WidthCircle, width_map
 
-    return CellWidth(
-        _width_map(width) if isinstance(width, Path) else width, [WidthCircle(*circle) for circle in circles]
-    )
-
-
-def _width_map(path: Path) -> Floats:
-    from cvtimg.sphere import width_map
-
-    if path.suffix.lower() != ".nc":
-        return read_globe("--cell-width", path)
-    with _local("--cell-width", path) as file:
-        table = read_netcdf(file, ("lon", "lat", "cellWidth"))
-    try:
-        return width_map(table["lon"], table["lat"], table["cellWidth"])
-    except ValueError as error:
-        raise ValueError(f"--cell-width {path}: {error}") from error
+    cells: Any = width
+    if isinstance(width, Path) and width.suffix.lower() == ".nc":
+        with _local("--cell-width", width) as file:
+            table = read_netcdf(file, ("lon", "lat", "cellWidth"))
+        try:
+            cells = width_map(table["lon"], table["lat"], table["cellWidth"])
+        except ValueError as error:
+            raise ValueError(f"--cell-width {width}: {error}") from error
+    elif isinstance(width, Path):
+        cells = read_globe("--cell-width", width)
+    return CellWidth(cells, [WidthCircle(*circle) for circle in circles])
 
 
 def read_netcdf(path: Path, names: tuple[str, ...]) -> dict[str, Floats]:
@@ -320,7 +315,13 @@ def read_grid_points(path: Path) -> Floats:
 
     try:
         with _local("--parent", path) as file:
-            table = _from_netcdf(file) if file.suffix.lower() == ".nc" else read_table(file, columns="xyz").rows
+            if file.suffix.lower() != ".nc":
+                table = read_table(file, columns="xyz").rows
+            else:
+                *places, vertices = read_netcdf(file, ("xCell", "yCell", "zCell", "xVertex")).values()
+                if len(vertices) != 2 * len(places[0]) - 4:
+                    raise OSError(f"--parent {file} is a part of a grid; it must cover the globe")
+                table = np.stack(places, axis=1)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{path} is neither an MPAS mesh nor a table with columns x, y and z: {error}") from error
     lengths = np.linalg.norm(table, axis=1)
@@ -331,12 +332,3 @@ def read_grid_points(path: Path) -> Floats:
         raise ValueError(f"points of {path} must be on a sphere: {off}")
     # On a sphere of radius 1, points keep their bits.
     return table if abs(lengths - 1).max() < 1e-12 else table / lengths[:, None]
-
-
-def _from_netcdf(path: Path) -> Floats:
-    import numpy as np
-
-    *places, vertices = read_netcdf(path, ("xCell", "yCell", "zCell", "xVertex")).values()
-    if len(vertices) != 2 * len(places[0]) - 4:
-        raise OSError(f"--parent {path} is a part of a grid; it must cover the globe")
-    return np.stack(places, axis=1)

@@ -61,7 +61,7 @@ PAGE_SUFFIXES = (".tif", ".tiff")
 #: Sample types that ImageJ supports, by the number of channels.
 _IMAGEJ_TYPES = {1: (np.uint8, np.uint16, np.float32), 3: (np.uint8,)}
 _ORDEROF_IMAGEJ = "TZC"
-#: Pages that claim more pixels for each byte of their file may together not exceed the limit for an image.
+#: Pixels for each byte of a file: pages that claim more may together not exceed the limit for an image.
 _PIXELS_PER_BYTE = 8
 
 
