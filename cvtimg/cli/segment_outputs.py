@@ -75,16 +75,11 @@ class Subject:
     labels: Array
     header: ImageInfo
     given: Given  # how edges and contours are drawn
+    measured: Array  # (H, W) or (H, W, C) channels that tables measure ...
+    channels: Sequence[str]  # ... and their names
     hierarchy: RegionHierarchy | None = None
     place: Mapping[str, int] = field(default_factory=dict)  # of the page in its stack: ``{"t": 1, "z": 3}``
-    bands: Array | None = None  # (H, W, C) channels to measure in place of those of the image ...
-    channels: Sequence[str] = ()  # ... and their names
     in_volume: bool = False  # whether segments are those of a volume, of which the page is a plane
-
-    @property
-    def measured(self) -> tuple[Array, Sequence[str]]:
-        """What tables measure, and the names of its channels."""
-        return (self.image, self.header.channels) if self.bands is None else (self.bands, self.channels)
 
     @property
     def tree(self) -> RegionHierarchy:
@@ -124,9 +119,8 @@ class Subject:
 
         from cvtimg.segmentation import file_table
 
-        image, channels = self.measured
-        how = {"channels": channels, "objects": self.given.objects, "info": self.header}
-        table = file_table(self.source, self.labels, image, self.given.properties or (), **how)
+        how = {"channels": self.channels, "objects": self.given.objects, "info": self.header}
+        table = file_table(self.source, self.labels, self.measured, self.given.properties or (), **how)
         n_rows = len(table["label"])
         return {name: np.full(n_rows, at) for name, at in self.place.items()} | table
 
@@ -152,11 +146,11 @@ def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume:
 
     places = [{}] if divided.pages is None else divided.pages.places
     tree = divided.results[0].hierarchy if divided.pages is None else None
-    each = zip(divided.images, divided.labels, places, strict=True)
-    others, names = _other_channels(task.source, given) if given.measure else ([None] * len(places), ())
+    header = divided.header
+    measured, names = _channels(task.source, given) if given.measure else (divided.images, header.channels)
     subjects = [
-        Subject(task.source, image, labels, divided.header, given, tree, at, bands, names, in_volume)
-        for (image, labels, at), bands in zip(each, others, strict=True)
+        Subject(task.source, image, labels, header, given, bands, names, tree, at, in_volume)
+        for image, labels, bands, at in zip(divided.images, divided.labels, measured, places, strict=True)
     ]
     for option, path in task.outputs.items():
         kind = kind_of(option)
@@ -173,7 +167,7 @@ def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume:
     return _table_of(subjects) if given.table else None
 
 
-def _other_channels(source: Path, given: Given) -> tuple[Sequence[Array | None], Sequence[str]]:
+def _channels(source: Path, given: Given) -> tuple[Sequence[Array], Sequence[str]]:
     """Read the channels that --measure names, of all pages, whichever channel is segmented."""
     from cvtimg.pictures import open_stack
     from cvtimg.pictures.formats.opening import selected, selecting
@@ -185,12 +179,10 @@ def _other_channels(source: Path, given: Given) -> tuple[Sequence[Array | None],
     assert stack.header is not None  # in tiles, there is none
     n_bands, named = images[0].shape[2], tuple(stack.header.channels)
     names = named if len(named) == n_bands else tuple(str(band) for band in range(1, n_bands + 1))
-    chosen = (
-        range(n_bands)
-        if given.measure == ("all",)
-        else [place_of(it, n_bands, names, "channel") for it in given.measure]
-    )
-    return [image[..., list(chosen)] for image in images], [names[band] for band in chosen]
+    chosen = [*range(n_bands)]
+    if given.measure != ("all",):
+        chosen = [place_of(it, n_bands, names, "channel") for it in given.measure]
+    return [image[..., chosen] for image in images], [names[band] for band in chosen]
 
 
 def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> None:
@@ -272,12 +264,9 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, Array]]:
         frames.setdefault(subject.place.get("t"), []).append(subject)
     tables = []
     for frame, planes in frames.items():
-        volume, image = (
-            np.stack(each) for each in zip(*((plane.labels, plane.measured[0]) for plane in planes), strict=True)
-        )
-        header, channels = planes[0].header, planes[0].measured[1]
-        more, size = planes[0].given.properties or (), header.pixel_size
-        table = region_table(volume, image, more, pixel_size=size, channels=channels)
+        volume, image = (np.stack([getattr(plane, name) for plane in planes]) for name in ("labels", "measured"))
+        more, size = planes[0].given.properties or (), planes[0].header.pixel_size
+        table = region_table(volume, image, more, pixel_size=size, channels=planes[0].channels)
         table["touches_edge"] = at_edges(volume)[table["label"]].astype(int)
         tables.append(({} if frame is None else {"t": np.full(len(table["label"]), frame)}) | table)
     return tables
