@@ -22,7 +22,7 @@ from cvtimg.placement.regions import Box
 
 #: Dimensions up to which cells are computed exactly.
 MOST_EXACT_DIMS = 3
-#: Images nearer to a wall than this times the mean spacing are enough for most points.
+#: Mean spacings from a wall up to which points have images at first, enough for most: with more, more are made.
 _HALO = 2.6
 
 

@@ -20,7 +20,7 @@ from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
 
 #: Share by which the energy of Latin points may be above the best if they are more even.
 _ABOUT = 5e-3
-#: Free points stay so far from the walls of the cube.
+#: Sides of the cube that free points stay from its walls: there, mirror images would lie on them.
 _MARGIN = 1e-9
 
 

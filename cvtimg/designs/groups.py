@@ -13,7 +13,7 @@ from cvtimg.designs.cells import check_unit_points
 
 _Labels = Indices
 
-#: Few points begin so often, of which the best is kept.
+#: Points up to which groups begin several times, and how often; the best are kept.
 _FEW, _STARTS = 256, 8
 
 

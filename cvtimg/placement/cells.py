@@ -27,7 +27,7 @@ _POINTS = np.array(
     [[1 / 3] * 3] + [np.roll([1 - 2 * at, at, at], turn).tolist() for at in (_NEAR, _FAR) for turn in range(3)]
 )
 _WEIGHTS = np.array([9 / 40] + [(155 - _ROOT) / 1200] * 3 + [(155 + _ROOT) / 1200] * 3)
-#: Largest triangle over which a density is integrated by these points, in cells of the mean area.
+#: Mean areas of cells up to which triangles are not divided before a density is integrated: with more, it may vary.
 _COARSEST = 0.5
 #: Samples for each cell where cells are no polygons: with four times as many, h is half as far below its value.
 _SAMPLES = 4000

@@ -26,7 +26,7 @@ from cvtimg.placement.moments import CellMoments, Moments
 #: Where generators (K, D) that have moved may be, given where they came from.
 Projection = Callable[[Points, Points], Points]
 
-#: A step is kept if it lowers the energy by this part of what the gradient promises; else halved, down to the shortest.
+#: Part of what the gradient promises that a step must lower the energy by, or it is halved, down to the shortest part.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
 #: Steps of the kernels of a descent for each number and vector.
 _STEPS = 5

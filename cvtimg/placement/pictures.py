@@ -12,7 +12,7 @@ from cvtimg.placement.descent import Descend, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
 from cvtimg.placement.polygons import NearestPixel
 
-#: A picture is enlarged where generators have few pixels: by the first factor that leaves this number for each.
+#: Factors by which pictures are enlarged, and pixels for each generator from which on: the first that fits is taken.
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
 #: Generators from which on a coarser level is worth its time.
 _WORTH_A_LEVEL = 1000
@@ -41,7 +41,7 @@ EFFORTS = {
     "best": PlacementEffort((_FINE, _FINE), Stopping(1e-6, 400), Stopping(1e-10, 1000), 1000, 16, 8),
 }
 
-#: Fixed generators are apart by more than this part of the diagonal of their region.
+#: Part of the diagonal of their region that fixed generators are apart at least: nearer ones lie on each other.
 _APART = 1e-9
 
 

@@ -18,11 +18,11 @@ from cvtimg.labels.contours import find_contours
 from cvtimg.labels.files import one_band
 from cvtimg.placement.regions import Geometry, Region
 
-#: Where a boundary turns by less, in degrees, it has no corner.
+#: Degrees that a boundary turns by at a corner at least: with more, fewer are kept.
 SMOOTH = 30.0
-#: Corners that are nearer to each other than this part of the extent are one, which rounding has doubled.
+#: Part of the extent within which corners are one that rounding has doubled: with more, small polygons vanish.
 _ONE = 1e-13
-#: How far a point may be from the center of its pixel along an axis: at one half it would be in the next.
+#: Pixels that a point may be from the center of its own along an axis: at one half it would be in the next.
 _TO_SIDE = 0.5 - 1e-7
 
 

@@ -15,13 +15,13 @@ from cvtimg._shared.growth import limit_growth
 from cvtimg._shared.types import Array, Floats, Floats32, Points
 from cvtimg.placement.densities import FunctionDensity, PictureDensity
 
-#: Densities below this part of the largest are raised to it: cells there have 100 times the size.
+#: Share of the largest density to which less is raised: cells there have 100 times the size; with more, larger ones are missed.
 LEAST_DENSITY = 1e-8
-#: Pictures are often black somewhere, by which nothing is said of sizes: there, cells have 10 times the size.
+#: Share of the largest density to which black is raised in pictures, as it says nothing of sizes: 10 times the size.
 _LEAST_IN_PICTURES = 1e-4
-#: By how much sizes of cells may grow on the way through a cell.
+#: Share by which sizes of cells may grow on the way through a cell: with more, fewer points do, and angles are worse.
 GROWTH = 0.15
-#: Rounds to find how many points that takes.
+#: Rounds to find how many points that takes: with more, the number that is asked for is met more closely.
 _ROUNDS = 6
 
 

@@ -13,15 +13,15 @@ from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.placement.descent import Projection, StepMemory
 from cvtimg.sphere.triangulation import WORK, Cells, SphereTriangulation, SumCells, counted, unit
 
-#: No point moves farther than this part of the size of its cell.
+#: Sizes of its cell that a point moves at most: with more, more moves turn triangles over and are halved.
 _LONGEST = 0.3
-#: A move that would turn a triangle over is halved down to this part; after that the triangulation is built anew.
+#: Part of a move down to which it is halved while it turns triangles over: with more, they are built anew more often.
 _SHORTEST = 1e-3
-#: Steps are forgotten where offsets grow by more than this factor in one move.
+#: Factor by which offsets grow in a move after which steps are forgotten: with more, bad ones are followed for longer.
 _WORSE = 2.0
-#: Angles in degrees that are aimed at: beyond them corners push, so that none comes near to 90 degrees.
+#: Degrees that angles are pushed between: bounds that are nearer to 60 keep farther from 90, and take more moves.
 BOUNDS = (49.0, 77.0)
-#: How near, in degrees: angles that are pushed come ever nearer to a bound and hardly reach it.
+#: Degrees beyond a bound that count as within, as pushed angles hardly reach it: with more, polishing ends sooner.
 _NEAR = 0.1
 #: Step length of polishing per unit slope of what angles cost, in areas of cells, and the longest step, in their sizes.
 _RATE, _LONGEST_POLISHING = 0.25, 0.05

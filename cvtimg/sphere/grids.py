@@ -23,7 +23,7 @@ _COARSEST = (12, 600)
 _TRIALS, _TRIAL_MOVES = 8, 200
 #: Steps along a side of an icosahedron, at most, without moving a coarser lattice first.
 _DIRECT = 32
-#: A density that is 0 on more of the sphere is warned of.
+#: Share of the sphere on which a density may be 0 without a warning.
 _MOST_ZEROS = 0.01
 
 

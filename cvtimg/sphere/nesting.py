@@ -31,16 +31,16 @@ from cvtimg.sphere.triangulation import SphereTriangulation, WeightedCells, chec
 #: New points keep out of the circumscribed caps of kept triangles by this part of their radii, and are moved out so
 #: often, as one may lead into the next.
 _MARGIN, _PUSHES = 0.01, 4
-#: As many caps as may hold a point.
+#: Caps nearest to a point that are looked at: as many as may hold it.
 _CAPS = 6
-#: New points begin no nearer to kept ones than this part of the size of cells there.
+#: Sizes of cells that new points begin from kept ones at least: with more, fewer of the grid are taken.
 _APART = 0.6
 #: By what factor faster sizes change than by `GROWTH`, again and again, where points find no room while the
 #: finest cells are less than half the mean.
 _FASTER, _FINEST = 1.5, 0.5
-#: Ends of the range in which the size of cells inside is looked for, by that of the parent.
+#: Sizes of cells of the parent between which the size of cells inside is looked for.
 _SIZES = (1e-3, 1e3)
-#: Height of the picture of distances from the border of a part that is no cap.
+#: Pixels of the height of the picture of distances from the border of a part that is no cap: with more, it is finer.
 _HEIGHT = 512
 
 

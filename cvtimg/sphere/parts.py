@@ -160,7 +160,7 @@ def earth_coasts() -> list[Floats]:
     return [np.split(ring, np.flatnonzero(ring[:, 1] == -90))[0] for ring in rings]
 
 
-#: Lines are followed in steps of this part of the smallest cell.
+#: Sizes of the smallest cell that lines are followed by: with more, cells that they cut at a corner are missed.
 _STEP = 0.2
 
 

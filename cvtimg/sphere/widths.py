@@ -25,7 +25,7 @@ from cvtimg.sphere.starts import nearest_twelve
 
 #: Radius of the earth in kilometers, as WRF and MPAS-Atmosphere have it; CESM and E3SM say 6371.22.
 EARTH_RADIUS = 6371.229
-#: Even cells become as many as have twelve pentagons, if that is so near.
+#: Share by which even cells may be more or fewer than asked for, so that all but twelve are hexagons.
 _NEAR = 0.01
 #: The steepest slope of a transition, by the mean one.
 _STEEPEST = 1.5
