@@ -4,8 +4,6 @@ Names of regions and of borders are physical groups in MSH, arrays of 0 and 1 in
 INP.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """How good a mesh is: the measures of its Voronoi cells and of its triangles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ J. Ruppert, A Delaunay refinement algorithm for quality 2-dimensional mesh gener
 548-585, doi 10.1006/jagm.1995.1021.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

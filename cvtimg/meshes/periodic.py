@@ -3,8 +3,6 @@
 Sides become chords between vertices that stay. Where the mesher divides one, its copy is divided there, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

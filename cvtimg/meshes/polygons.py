@@ -1,7 +1,5 @@
 """The outline of polygons: of one region, or of several parts that share borders. They may touch at points."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

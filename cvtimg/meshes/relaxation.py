@@ -5,8 +5,6 @@ are those of a triangulation that flips with them, and the masses of cells are 2
 that of a size alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

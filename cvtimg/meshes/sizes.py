@@ -1,7 +1,5 @@
 """What can be taken for the size of edges."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeAlias
 

@@ -4,8 +4,6 @@ F. Labelle, J. R. Shewchuk, Isosurface stuffing: fast tetrahedral meshes with go
 Graphics 26 (2007) 57, doi 10.1145/1276377.1276448.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol

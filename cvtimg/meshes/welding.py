@@ -1,7 +1,5 @@
 """Outlines as people have them: points, cracks and spikes nearer to each other than anyone means become one."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

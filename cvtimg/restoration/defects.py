@@ -5,8 +5,6 @@ around them, as others do not, or others do so as no lens draws lights; rows dif
 those above and below on the left and on the right.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

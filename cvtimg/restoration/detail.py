@@ -4,8 +4,6 @@ Each pass compares the patches of the last estimate, so groups become purer and 
 covariances from the noisy patches; later ones from the estimate, as an oracle.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise, product, starmap
 
 import numpy as np

@@ -7,8 +7,6 @@ some pixels off, and twice as much for another picture. And so do levels that ar
 are a gain and an offset for each band, to the first version, that most windows have.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations

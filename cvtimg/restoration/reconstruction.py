@@ -1,7 +1,5 @@
 """Restoration: one good image from several bad ones, none of which holds it all, or from one that is noisy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from inspect import signature

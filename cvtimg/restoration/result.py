@@ -4,8 +4,6 @@ A segment that is painted over in one of three versions has a diluted generator:
 covers it. Each rule of renormalization undoes that in its own way.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Self

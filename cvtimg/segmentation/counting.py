@@ -10,8 +10,6 @@ Volumes are counted in the same way, with lengths in pixels of a plane. What nee
 tiles that overlap.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product

@@ -1,7 +1,5 @@
 """What an image shows beside its subject: margins of one value, and what lies around the field of a lens or a dish."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cvtimg._shared.threads import one_blas_thread

@@ -3,8 +3,6 @@
 What is larger than memory is divided in strips, by `cvtimg.segmentation.segment_file`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -5,8 +5,6 @@ image, that is taken whose values come first in order, row by row: the same for 
 the pixels that count is cut off, so that a wider frame of such pixels changes nothing either.
 """
 
-from __future__ import annotations
-
 from itertools import product
 from typing import NamedTuple
 

@@ -7,8 +7,6 @@ J. Wang, X. Wang, IEEE Trans. Pattern Analysis and Machine Intelligence 34 (2012
 10.1109/TPAMI.2012.47.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

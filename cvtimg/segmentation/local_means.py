@@ -1,7 +1,5 @@
 """Means that vary slowly across an image, and light that does."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

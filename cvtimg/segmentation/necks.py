@@ -6,8 +6,6 @@ narrower by a fraction of a pixel. How deep and narrow a cut is follows one dist
 and the share of necks in an image is found by expectation and maximization.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -8,8 +8,6 @@ With a kernel w of sum 1, averaging the squared distance to a generator gives th
 because w * |u - z|^2 = |w * u - z|^2 + a term without z.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

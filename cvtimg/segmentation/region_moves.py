@@ -9,8 +9,6 @@ the piece of another that gains most by a generator of its own; and two segments
 that gains more elsewhere.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """The result of a segmentation: labels, and what is measured of each segment on the original pixels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Segmentation: the tessellation of the colors of an image carried to its pixels, for clean and for noisy images."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal

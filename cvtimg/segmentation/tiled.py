@@ -5,8 +5,6 @@ upward. All that follows goes over these files strip by strip. The edge-weighted
 order and with the same sums as in memory, so that strips leave no seams.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import prod
 from pathlib import Path

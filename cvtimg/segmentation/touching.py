@@ -9,8 +9,6 @@ an object's own runs where values are halfway between the mean of this object an
 the generators of a tessellation, and the object is its cell.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

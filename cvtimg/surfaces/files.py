@@ -1,7 +1,5 @@
 """Files of triangulated surfaces, read by trimesh, and what else can be taken for a surface."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Surfaces where a function is 0, and one with a name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar

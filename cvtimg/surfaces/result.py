@@ -1,7 +1,5 @@
 """Points on a surface as a value, and how good they are."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 
 import numpy as np

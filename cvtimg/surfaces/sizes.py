@@ -1,7 +1,5 @@
 """Distances of points on a surface: by a density, growing gradually."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

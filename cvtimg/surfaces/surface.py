@@ -1,7 +1,5 @@
 """Surfaces in space: what every one can tell, those that are given by triangles, and densities at their vertices."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -5,8 +5,6 @@ them, by the slow patterns of the whole image, and by the colors and textures of
 apart by a second tessellation. The pair that differs least is merged, its statistics are added up, and so on.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,8 +7,6 @@ that the image is made of.
 J. Malik, S. Belongie, T. Leung, J. Shi, Int. J. Computer Vision 43 (2001) 7-27, doi 10.1023/A:1011174803800: textons.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

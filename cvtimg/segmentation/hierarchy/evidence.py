@@ -9,8 +9,6 @@ C. Grigorescu, N. Petkov, M. Westenberg, IEEE Trans. Image Processing 12 (2003) 
 a contour counts less for what surrounds it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ What people see in an image does not shrink as its pixels do: discs of a few pix
 but its grain.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from cvtimg._shared.pixels import peak

@@ -1,7 +1,5 @@
 """The leaves of a hierarchy: superpixels, the borders between them, and what is known of both."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Edges as lines with the chance that people draw them: borders of leaves, joined where no third one meets them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

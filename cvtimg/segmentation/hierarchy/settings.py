@@ -1,7 +1,5 @@
 """Numbers of the hierarchies of photographs, set by hand on 60 training pictures of the Berkeley data set."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

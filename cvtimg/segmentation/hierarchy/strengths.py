@@ -13,8 +13,6 @@ P. Arbelaez, M. Maire, C. Fowlkes, J. Malik, IEEE Trans. Pattern Analysis and Ma
 doi 10.1109/TPAMI.2010.161: the same on pixels.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
