@@ -15,7 +15,7 @@ from cvtimg._shared.growth import limit_growth
 from cvtimg._shared.types import Array, Floats, Floats32, Points
 from cvtimg.placement.densities import FunctionDensity, PictureDensity
 
-#: Share of the largest density to which less is raised, for cells of 100 times the size: with more, fewer grow so large.
+#: Share of the largest density to which less is raised, for cells of 100 times the size: with more, fewer are as large.
 LEAST_DENSITY = 1e-8
 #: Share of the largest density to which black is raised in pictures, as it says nothing of sizes: 10 times the size.
 _LEAST_IN_PICTURES = 1e-4
