@@ -41,7 +41,7 @@ def parameters() -> list[object]:
     found = {title: rows(title) for title in ("pngquant", "Fiji", "Gmsh")}
     assert {title: len(pairs) for title, pairs in found.items()} == dict.fromkeys(found, 10)
     return [
-        pytest.param(*pair, id=pair[1], marks=pytest.mark.slow if number > 2 else ())
+        pytest.param(*pair, id=pair[1], marks=pytest.mark.slow if number > 2 or "best" in pair[1] else ())
         for pairs in found.values()
         for number, pair in enumerate(pairs)
     ]
