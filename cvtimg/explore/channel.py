@@ -54,25 +54,23 @@ class Work(Generic[T]):
         Thread(target=self._run, args=(function,), daemon=True).start()
 
     def end(self) -> None:
-        self._has(self._work.set_exception, OvertakenError())
+        with suppress(InvalidStateError):
+            self._work.set_exception(OvertakenError())
 
     def _run(self, function: Callable[[], T]) -> None:
-        try:
-            with watched(self._done):
-                value = function()
-        except Exception as error:
-            self._has(self._work.set_exception, error)
-        else:
-            self._has(self._work.set_result, value)
+        with suppress(InvalidStateError):  # nobody waits any longer
+            try:
+                with watched(self._done):
+                    value = function()
+            except Exception as error:
+                self._work.set_exception(error)
+            else:
+                self._work.set_result(value)
 
     def _done(self, share: float) -> None:
         self.share = share
         if self._work.done():
             raise OvertakenError
-
-    def _has(self, tell: Callable[[Any], None], outcome: object) -> None:
-        with suppress(InvalidStateError):
-            tell(outcome)
 
 
 class Channel:

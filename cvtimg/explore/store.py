@@ -120,15 +120,16 @@ class Store:
         return same or self._add(str(path), path, secrets.token_hex(8)).key
 
     def open_sent(self, name: str, content: bytes) -> Picture:
+        name = _plain(name)
         held = sum(file.stat().st_size for file in Path(self._folder.name).iterdir() if file != self.archive)
         if held + len(content) > _MOST_SENT:
             raise UnfitRequestError(
-                f"{_plain(name)}: {_MOST_SENT / 1e9:.1f} GB are open, as much as the page takes; "
+                f"{name}: {_MOST_SENT / 1e9:.1f} GB are open, as much as the page takes; "
                 "Keys has Forget all, and files that are named on the command line do not count"
             )
         path = self._stored(name, content)
         try:
-            return self._add(_plain(name), path, secrets.token_hex(8))
+            return self._add(name, path, secrets.token_hex(8))
         except Exception:
             path.unlink()
             raise
@@ -156,7 +157,7 @@ class Store:
             picture = Picture(key, name, path)
             entry = self._entries.get(key) or Entry(name, path, picture.described(), _small(picture))
         except (OSError, ValueError, MemoryError) as error:
-            raise UnfitRequestError(f"{name}: {_reason(path, error, _plain(name))}") from error
+            raise UnfitRequestError(_reason(path, error, name)) from error
         with self._lock:
             self._entries[key], self._pictures[key] = entry, picture
             while len(held := self._pictures) > 1 and (
@@ -167,18 +168,18 @@ class Store:
 
     def open_palette(self, name: str, content: bytes) -> Json:
         """Open a palette that a page sent; return its key, name and colors."""
-        path = self._stored(name, content)
+        name, path = _plain(name), self._stored(name, content)
         try:
             colors = read_palette(path)
         except (OSError, ValueError) as error:
-            raise UnfitRequestError(f"{_plain(name)}: {_reason(path, error, _plain(name))}") from error
+            raise UnfitRequestError(_reason(path, error, name)) from error
         finally:
             path.unlink()
         if len(colors) > 1 << 12:
-            raise UnfitRequestError(f"{_plain(name)} has {len(colors)} colors; a palette has up to {1 << 12}")
+            raise UnfitRequestError(f"{name} has {len(colors)} colors; a palette has up to {1 << 12}")
         key = secrets.token_hex(8)
-        self._palettes[key] = _plain(name), colors
-        return {"id": key, "name": _plain(name), "colors": [f"#{bytes(color[:3]).hex()}" for color in colors]}
+        self._palettes[key] = name, colors
+        return {"id": key, "name": name, "colors": [f"#{bytes(color[:3]).hex()}" for color in colors]}
 
     def _stored(self, name: str, content: bytes) -> Path:
         suffix = Path(_plain(name)).suffix.lower()
@@ -221,4 +222,4 @@ def _plain(name: str) -> str:
 def _reason(path: Path, error: Exception, name: str) -> str:
     """Return why a file cannot be used, with the name that a person knows for the one that it has here."""
     why = one_line(error).replace(f"{path}: ", "").replace(str(path), shlex.quote(name))
-    return why.replace("--max-pixels raises it", "the command line has --max-pixels")
+    return f"{name}: " + why.replace("--max-pixels raises it", "the command line has --max-pixels")

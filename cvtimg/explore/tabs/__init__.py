@@ -14,18 +14,8 @@ from cvtimg.explore.tabs.sheet_tabs import DesignTab, SphereTab
 
 #: All tabs by name, in the order of the page.
 TABS: dict[str, Tab] = {
-    tab.name: tab
-    for tab in (
-        ColorsTab(),
-        PaletteTab(),
-        SegmentsTab(),
-        StippleTab(),
-        MosaicTab(),
-        RestoreTab(),
-        MeshTab(),
-        SphereTab(),
-        DesignTab(),
-    )
+    tab.name: tab()
+    for tab in (ColorsTab, PaletteTab, SegmentsTab, StippleTab, MosaicTab, RestoreTab, MeshTab, SphereTab, DesignTab)
 }
 
 #: Pixels that are sent at most of a result.

@@ -86,15 +86,8 @@ class RestoreTab(Tab):
 
     def lines(self, request: Request) -> list[Line]:
         versions = _versions(request)
-        names = ", ".join(literal(name) for name in dict.fromkeys(picture.name for picture in versions))
-        if len(versions) == 1:
-            read = f"[{versions[0].python}]"
-        elif any(picture.page or picture.chosen for picture in versions):
-            pages = call("cvtimg.pictures.read_pages", Code("name"), **versions[0].chosen)
-            read = f"[page for name in [{names}] for page in {pages}.images]"
-        else:
-            read = f"[cvtimg.read_image(name) for name in [{names}]]"
         files = Code(f"[{', '.join(literal(picture.name) for picture in versions)}]")
+        read = f"[{', '.join(picture.python for picture in versions)}]"
         lines = [
             Line("paths", files, [picture.path for picture in versions]),
             Line("images", Code(read), [picture.array for picture in versions]),
