@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from importlib.util import find_spec
@@ -13,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from cvtimg._shared.choices import Arguments, Options
+from cvtimg._shared.choices import Options
 from cvtimg._shared.extras import needs
 from cvtimg.batch.pipes import is_pipe
 from cvtimg.batch.plans import Plan, check_suffix, searched
 from cvtimg.batch.report import Report, complain
-from cvtimg.batch.runner import Running, check_plan, fold
+from cvtimg.batch.runner import check_plan, fold
 from cvtimg.batch.tasks import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, only, plan_of, planned, running_of, selected
 from cvtimg.options.record import Given
@@ -86,14 +85,7 @@ def quantize(given: Given) -> Todo:
     how = given.arguments | {"overwrite": given.overwrite, "goal": "eyes" if for_eyes and not chosen else "error"}
     palette = how.pop("palette", None)
     if given.shared_palette and not given.dry_run:
-        running = running_of(given)
-        find = partial(_palette_of_all, options={name: how[name] for name in (*_FINDING, "space") if name in how})
-        palette = _share(plan, find, partial(_count_known, given=given), running=running)
-        if given.save_palette and palette is not None:
-            from cvtimg import write_palette
-
-            write_palette(given.save_palette, palette, overwrite=running.overwrite or given.skip_existing)
-            plan.joint = {}
+        palette = _shared_palette(plan, given, {name: how[name] for name in (*_FINDING, "space") if name in how})
     if palette is not None:
         known = _FINDING if given.shared_palette else _FINDING[1:]
         how = {"palette": palette, **{name: value for name, value in how.items() if name not in known}}
@@ -182,24 +174,29 @@ def _name(source: Path, *, given: Given) -> str:
     return f"{{}}{given.ext or ('' if given.out_dir else '-quantized') + suffix_for(source)}"
 
 
-def _share(
-    plan: Plan, find: Callable[[ColorSamples], Array], count: Callable[[Task], ColorSamples], *, running: Running
-) -> Array | None:
+def _shared_palette(plan: Plan, given: Given, options: dict[str, Any]) -> Array | None:
     """Find the palette of all images together, or None; inputs that cannot be read move to the missing of the plan."""
+    from cvtimg import find_palette, write_palette
     from cvtimg.colors.counting import add_samples
+    from cvtimg.colors.spaces import to_depth
 
+    running, palette = running_of(given), None
     check_plan(plan, running)
     if any(is_pipe(task.source) for task in plan.tasks):
         raise WrongUsageError("--shared-palette reads each input twice: standard input and pipes cannot be used")
-    palette = None
     try:
-        total, failed = fold(plan.tasks, count, add_samples, running)
+        total, failed = fold(plan.tasks, partial(_count_known, given=given), add_samples, running)
         if total is not None:
-            palette = find(total)
+            if "locked" in options:
+                options = {**options, "locked": to_depth(options["locked"], total.colors.dtype)}
+            palette = find_palette(total, **options).colors
     except ValueError as error:
         raise WrongUsageError(f"--shared-palette: {error}") from error
     plan.missing += [(str(task.source), OSError(failed[task.source])) for task in plan.tasks if task.source in failed]
     plan.tasks = [task for task in plan.tasks if task.source not in failed]
+    if given.save_palette and palette is not None:
+        write_palette(given.save_palette, palette, overwrite=running.overwrite or given.skip_existing)
+        plan.joint = {}
     return palette
 
 
@@ -213,13 +210,3 @@ def _count_known(task: Task, *, given: Given) -> ColorSamples:
         image = read_image(task.source)
         (known,) = known_in_all([image], image_info(task.source), given.mask, given.nodata)
     return count_picture(image, given.depth, mask=None if known.all() else known)
-
-
-def _palette_of_all(samples: ColorSamples, *, options: Arguments) -> Array:
-    """Find a palette as `quantize` would for one image."""
-    from cvtimg import find_palette
-    from cvtimg.colors.spaces import to_depth
-
-    if "locked" in options:
-        options = {**options, "locked": to_depth(options["locked"], samples.colors.dtype)}
-    return find_palette(samples, **options).colors

@@ -8,7 +8,6 @@ import numpy as np
 N_ERRORS = 6
 LONGEST = RATE_LONGEST
 FARTHEST = RATE_FARTHEST
-MOST_MATCHES = RATE_MOST_MATCHES
 MOST_PATHS = LZW_MOST_PATHS
 
 cdef extern from "similarity.h" nogil:
@@ -22,7 +21,7 @@ cdef extern from "similarity.h" nogil:
     )
 
 cdef extern from "rate.h" nogil:
-    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH, RATE_MOST_MATCHES, RATE_CELLS, RATE_LANES
+    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH, RATE_CELLS, RATE_LANES
     ctypedef struct rate_band:
         Py_ssize_t width, n_entries
         int shift, n_matches

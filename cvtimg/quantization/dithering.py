@@ -16,8 +16,6 @@ from cvtimg._shared.types import Array, Bools, Bytes, Floats32, Ints
 from cvtimg.engine.points import Frame, scale_for_float32
 from cvtimg.looks.rate import COMPARISONS, usual_step
 
-#: Number of coordinates of a place in the kernels.
-MAX_DIMS = _dithering.DIMS
 #: What rounding to float32 may change of a place on a line, per unit of the largest coordinate.
 _DOUBT = 1e-5
 
@@ -87,11 +85,6 @@ def dither(
     return chosen(Job(colors, kinds, inverse, entries, finder, ranks, strengths, step, longest, clean))
 
 
-def _floyd_steinberg(job: Job) -> Ints:
-    """Hand the error of a pixel on: 7/16 ahead, and 3/16, 5/16 and 1/16 to the next row."""
-    return _diffuse(job, job.clean)
-
-
 def _edge_aware(job: Job) -> Ints:
     """Diffuse errors in smooth transitions alone; connected pixels of one color are dithered together or not at all."""
     # Most borders of such a piece are small steps in a smooth transition. In large pieces these must be tiny: others
@@ -124,6 +117,7 @@ def _edge_aware(job: Job) -> Ints:
 
 
 def _diffuse(job: Job, clean: Bools) -> Ints:
+    """Hand the error of pixels that are not clean on: 7/16 ahead, and 3/16, 5/16 and 1/16 to the next row."""
     labels = np.empty(job.inverse.shape, np.int32)
     _dithering.diffuse(
         job.places, job.kinds, job.inverse, job.finder, job.strengths, job.longest, clean.view(np.uint8), labels
@@ -167,7 +161,7 @@ def blue_noise_mask() -> Bytes:
 
 #: The registry of methods: the values of `dither` and ``--dither``, besides "compact", which is in `looks`.
 DITHERS: dict[str, Callable[[Job], Ints]] = {
-    "floyd-steinberg": _floyd_steinberg,
+    "floyd-steinberg": lambda job: _diffuse(job, job.clean),
     "edge-aware": _edge_aware,
     "blue-noise": partial(_ordered, mask=blue_noise_mask),
     "bayer": partial(_ordered, mask=bayer_mask),
@@ -202,12 +196,12 @@ def _finder(palette: Floats32, allowed: Bools, *, doubt: float) -> tuple[_dither
 def _to_kernels(*arrays: Array) -> list[Floats32]:
     """Bring (n, D) places to four coordinates, from 0 up, in a frame that suits float32."""
     n_dims = arrays[0].shape[1]
-    if n_dims > MAX_DIMS:
-        raise ValueError(f"places must have at most {MAX_DIMS} coordinates to be dithered, not {n_dims}")
+    if n_dims > _dithering.DIMS:
+        raise ValueError(f"places must have at most {_dithering.DIMS} coordinates to be dithered, not {n_dims}")
     low = np.min([array.min(axis=0) for array in arrays], axis=0).astype(np.float64)
     size = float((np.max([array.max(axis=0) for array in arrays], axis=0) - low).max())
     frame = Frame(low, scale_for_float32(size))
-    inside = [np.zeros((len(array), MAX_DIMS), np.float32) for array in arrays]
+    inside = [np.zeros((len(array), _dithering.DIMS), np.float32) for array in arrays]
     for places, array in zip(inside, arrays, strict=True):
         places[:, :n_dims] = frame.inward(array)
     return inside

@@ -383,17 +383,12 @@ def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> l
     """
     numbers = sorted({*(round(2 ** (n / 4)) for n in range(4, 33)), palettes.most})
     numbers = numbers[: numbers.index(palettes.most) + 1]
-    found = [palettes.unmixed(source, palettes.most)]
-    if found[0].content_quality < least or source.size(found[0]) > 2 * source.size(mixed):
+    best = palettes.unmixed(source, palettes.most)
+    if best.content_quality < least or source.size(best) > 2 * source.size(mixed):
         return []
-    below, reaching = -1, len(numbers) - 1
-    while reaching - below > 1:
-        middle = (below + reaching) // 2
-        result = palettes.unmixed(source, numbers[middle])
-        below, reaching = (below, middle) if result.content_quality >= least else (middle, reaching)
-        found += [result] * (reaching == middle)
-    bands = _banding(source, found[-1])
-    return found[-1:] if bands <= max(_AIMING.bands, _banding(source, mixed)) else []
+    at = bisect_left(numbers[:-1], True, key=lambda n: palettes.unmixed(source, n).content_quality >= least)
+    fewest = palettes.unmixed(source, numbers[at])
+    return [fewest] if _banding(source, fewest) <= max(_AIMING.bands, _banding(source, mixed)) else []
 
 
 class _Setting(NamedTuple):
@@ -445,7 +440,9 @@ class _Search:
                 setting = self._following(least + (most_above - most_below) / 2)
             if self._given and max(map(self._seen, self._whole)) < least:
                 self._mapped(self._settings[-1])
-        return min((trial.result for trial in self._whole.values()), key=lambda one: _miss(one.content_quality, least))
+        misses = {setting: self._seen(setting) - least for setting in self._whole}
+        # The one nearest to the quality, of those that reach it if so.
+        return self._trials[min(misses, key=lambda setting: (misses[setting] < 0, abs(misses[setting])))].result
 
     def least(self) -> float:
         """Return the least quality to reach: the given or the usual one, or what is `below_best` under the best."""
@@ -601,17 +598,14 @@ class _Palettes:
             engine = {**engine, "init": start}
         return finder(replace(self._how, n_colors=n_colors, engine=engine))(samples)
 
-    def _error(self, n_colors: int) -> float:
-        """Return the mean squared error of a number of colors, to a power."""
-        n_merges = self.most - n_colors
-        energy, n_pixels = np.sum([(one.energies[: n_merges + 1][-1], one.n_pixels) for one in self._merged], axis=0)
-        return float((255**2 * energy / n_pixels) ** _AIMING.power)
-
     def expected(self, setting: _Setting) -> float:
         """Return the quality that is expected of a number of colors, at a price of bits and a strength of diffusion."""
+        n_merges = self.most - setting.n_colors
+        energy, n_pixels = np.sum([(one.energies[: n_merges + 1][-1], one.n_pixels) for one in self._merged], axis=0)
+        error = float((255**2 * energy / n_pixels) ** _AIMING.power)
         price = setting.price ** (_AIMING.power_of_phrases if self._how.rate.coder == "lzw" else 1)
         paid = _AIMING.points_by_price * price * math.log2(self.most)
-        lost = self._unlike * math.hypot(_AIMING.points_by_error * self._error(setting.n_colors), paid)
+        lost = self._unlike * math.hypot(_AIMING.points_by_error * error, paid)
         return _AIMING.points - lost * (1 + _AIMING.share_by_strength * (COMPACT_STRENGTH - setting.strength))
 
     def expect(self, setting: _Setting, seen: float) -> None:
@@ -635,11 +629,6 @@ def judged(source: Source, result: Any) -> Any:
 def _banding(source: Source, result: Any) -> float:
     pairs = zip(source.images, _each(result), strict=True)
     return max(streaks(image, one.image, has_alpha=source.counted[0].alpha) for image, one in pairs)
-
-
-def _miss(quality: float, least: float) -> tuple[bool, float]:
-    """Return the order of qualities: those that reach the least one, then those nearest to it."""
-    return quality < least, abs(quality - least)
 
 
 def _each(result: Any) -> Sequence[Any]:
