@@ -82,8 +82,8 @@ def test_a_task_that_ends_its_workers_fails_alone(tmp_path: Path, monkeypatch: p
     with dask.config.set({"distributed.scheduler.allowed-failures": 1}):
         found = dict(executors.on_dask(_ends_its_worker, tasks, "local", 2))
     assert sorted(found) == list(range(len(tasks)))
-    assert [names[place] for place, outcome in found.items() if outcome.why] == ["bad"]
-    assert found[2].why == "2 workers were lost while they worked on it"
+    assert [names[place] for place, outcome in found.items() if outcome.failures] == ["bad"]
+    assert found[2].failures == (("bad", "2 workers were lost while they worked on it"),)
     assert {path.name for path in tmp_path.iterdir()} == {*names} - {"bad"}
 
 
