@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_non_negative, check_partial_image, check_shape, check_that
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Ints, Ints64
+from cvtimg._shared.types import Array, Bools, Floats32, ImageLike, Ints, Ints64
 from cvtimg.segmentation.field_of_view import CONVEX, SEVERAL, evenly_lit, surroundings, within_margins, without_light
 from cvtimg.segmentation.local_means import PRIOR, REACH, local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
@@ -68,6 +68,8 @@ class Settings:
 _SPREAD_OF_HALF = 0.4742
 #: Those of `count_objects`.
 SETTINGS = Settings()
+#: Noise of outlines in pixels, of which ripples are told from necks, and the depth of necks if that is said.
+_Necks = tuple[float, float | None]
 
 
 def count_objects(
@@ -173,7 +175,7 @@ def count_objects(
     else:
         noise = max(white, _noise_of_ground(contrast, inside, radius) if contrast.ndim == 2 else 0.0)
         threshold = float(np.clip(SETTINGS.above_noise * noise, SETTINGS.dimmest, 0.5))
-        necks = Necks(SETTINGS.outline * noise * blur, neck_depth)
+        necks = SETTINGS.outline * noise * blur, neck_depth
         if diameter is not None and least is None:
             least = SETTINGS.least_size * (4 / 3 * radius**3 / size[0] if len(size) > 2 else radius**2) * np.pi
         labels = _in_tiles(contrast, inside, min_contrast or threshold, radius, size, necks)
@@ -182,14 +184,6 @@ def count_objects(
             labels = numbers_of(~at_edges(labels))[labels]
     _warn_of_doubts(labels, inside, radius, size)
     return measured(labels, bands, counting=Counting(step < 0, blur, radius, least))
-
-
-@dataclass(frozen=True, slots=True)
-class Necks:
-    """Where to split objects: at necks that ripples of outlines do not explain, or that are deeper than is said."""
-
-    ripples: float  # standard deviation of outlines by noise, in pixels
-    depth: float | None  # in radius, in pixels; infinity not to split, None to weigh necks against ripples
 
 
 def at_edges(labels: Ints) -> Bools:
@@ -242,23 +236,18 @@ def checked_bands(
 
 def sieved(objects: Ints, least: float | None) -> tuple[Ints, float]:
     """Leave out objects that are too small, number the others from 1, and return the least size."""
+    from scipy.ndimage import distance_transform_edt
+
     sizes = np.bincount(objects.ravel())
     sizes[0] = 0
     if least is None:
-        compact = np.sort(np.minimum(sizes, _most_compact(objects, len(sizes))))
+        compact = np.sort(sizes)
+        if objects.ndim == 2:  # long objects count as some of the largest discs in them
+            discs = np.pi * largest_by_label(distance_transform_edt(objects), objects) ** 2
+            compact = np.sort(np.minimum(sizes, SETTINGS.most_discs * discs))
         pixels = np.cumsum(compact)
         least = float(SETTINGS.least_size * compact[np.searchsorted(pixels, pixels[-1] / 2)])
     return numbers_of(sizes >= max(least, 1))[objects], least
-
-
-def _most_compact(objects: Ints, n: int) -> Floats:
-    """Return some times the size of the largest disc in each object of a plane, which a long one does not reach."""
-    from scipy.ndimage import distance_transform_edt
-
-    if objects.ndim != 2 or n < 2:
-        return np.full(n, np.inf)
-    radii = largest_by_label(distance_transform_edt(objects), objects)
-    return SETTINGS.most_discs * np.pi * radii**2
 
 
 def _radius(bright: Bools, size: tuple[float, ...]) -> float:
@@ -276,7 +265,7 @@ def _radius(bright: Bools, size: tuple[float, ...]) -> float:
 
 
 def _in_tiles(
-    contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
+    contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: _Necks
 ) -> Ints:
     """Label objects tile by tile; each is that of the tile in whose core its middle lies."""
     from scipy.ndimage import center_of_mass
@@ -413,7 +402,7 @@ def _explains(
 
 
 def split(
-    contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
+    contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: _Necks
 ) -> Ints:
     """Return labels of the objects, touching ones split at their necks."""
     from scipy.ndimage import label, zoom
@@ -423,15 +412,16 @@ def split(
         contrast = zoom(contrast, fine, order=3, grid_mode=True, mode="nearest")
         inside = inside.repeat(fine, axis=0).repeat(fine, axis=1)
     objects, shares = _peeled(np.where(inside, contrast, np.float32(0)), threshold, radius * fine, size)
+    ripples, depth = necks
     distance = _distance(objects & (shares >= _level_of_necks(objects, shares, size)), size, fine)
-    if necks.depth == np.inf:
+    if depth == np.inf:
         parts = np.asarray(label(objects)[0], np.int32)
-    elif necks.depth is not None:
-        parts = split_at_saddles(np.where(objects, distance, np.float32(0)), objects, necks.depth)
+    elif depth is not None:
+        parts = split_at_saddles(np.where(objects, distance, np.float32(0)), objects, depth)
     else:
         parts = _at_necks(distance, objects)
         if parts.ndim == 2:
-            parts = join_at_ripples(parts, distance * fine, necks.ripples, fine)
+            parts = join_at_ripples(parts, distance * fine, ripples, fine)
     return parts[(slice(None, None, fine),) * contrast.ndim]
 
 

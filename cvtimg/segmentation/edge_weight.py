@@ -32,7 +32,7 @@ import numpy as np
 import cvtimg.segmentation._segments as _segments
 from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.sums import copy_rows
+from cvtimg._shared.sums import copy_rows, take_rows
 from cvtimg._shared.threads import in_stripes, of_each, side_by_side
 from cvtimg._shared.types import Bools, Floats, Floats32, Indices, Ints
 from cvtimg.labels.components import grid_of_cells
@@ -472,14 +472,8 @@ def halved(values: Floats32) -> Floats32:
 
 def doubled(labels: Ints, shape: tuple[int, ...]) -> Ints:
     """Return the labels of an image of half the size as those of the whole one, of a shape (H, W)."""
-    whole = np.empty(shape, np.int32)
     rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in shape)
-
-    def spread(own: slice) -> None:
-        whole[own] = labels[rows[own]].take(columns, axis=1)
-
-    in_stripes(spread, len(whole), work=4.0 * whole.size)
-    return whole
+    return take_rows(labels.take(columns, axis=1), rows)
 
 
 def is_deep(radius: int, planes: Planes | None) -> bool:

@@ -33,11 +33,6 @@ class Frame(NamedTuple):
         return array
 
 
-def whole_frame(shape: tuple[int, ...]) -> Frame:
-    """Return the frame of an image of this shape as it is."""
-    return Frame(tuple(slice(0, side) for side in shape), (slice(None),) * len(shape), False)
-
-
 def frame_of(image: Array, inside: Bools, turns: bool = True) -> Frame:
     """Find the frame of an image or a volume, of any number of bands, by the pixels that count; there is at least one.
 

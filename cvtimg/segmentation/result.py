@@ -20,7 +20,7 @@ from cvtimg.pictures.files import encode_image
 from cvtimg.pictures.showing import shown
 from cvtimg.segmentation.edge_weight import EdgeWeighted, moments_of
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
-from cvtimg.segmentation.values import PictureValues, dark_to_bright, in_order
+from cvtimg.segmentation.values import PictureValues, dark_to_bright
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,7 @@ def sorted_ends(
     """Return the new label of each segment, from dark to bright, and attributes of the result in units of the image."""
     generators = values.to_picture(means + values.center)
     new_label = dark_to_bright(generators, masses)
-    order = in_order(new_label)
+    order = np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]
     unit = np.square(values.unit)
     of_energy = {"energy": energy / unit, "energies": tuple(each / unit for each in energies)}
     return new_label, {"generators": generators[order], "masses": masses[order], **of_energy}

@@ -17,7 +17,7 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.counting import checked_bands
 from cvtimg.segmentation.edge_weight import Planes, length_cost
-from cvtimg.segmentation.frames import frame_of, whole_frame
+from cvtimg.segmentation.frames import Frame, frame_of
 from cvtimg.segmentation.prepared import Smoothness, curve_of_segments
 from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.touching import Objects
@@ -152,7 +152,7 @@ def segment(
         del prepared, own  # half of the memory
         labels, data = frame.back(labels, shape), frame.back(data, shape)
         field = data if is_same else frame.back(field, shape)
-        frame = whole_frame(shape)
+        frame = Frame(tuple(map(slice, shape)), (slice(None),) * len(shape), False)
         if components or size:
             labels = _in_pieces(labels, data, size, weight * length_cost(edge_radius, planes), components)
         if objects:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_partial_image, check_that
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak, usual_range, white_among
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Ints
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import SPACES, from_space, to_space
 from cvtimg.segmentation.local_means import in_even_light
@@ -217,8 +217,3 @@ def dark_to_bright(generators: Floats, masses: Floats) -> Ints:
     labels = np.zeros(len(generators), np.int32)
     labels[order] = np.arange(1, len(order) + 1)
     return labels
-
-
-def in_order(new_label: Ints) -> Indices:
-    """Segments with pixels, in the order of their new labels."""
-    return np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]

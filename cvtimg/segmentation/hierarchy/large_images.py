@@ -17,8 +17,8 @@ from cvtimg.segmentation.hierarchy.leaves import Leaves
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.touching import numbered
 
-#: Reduced rows at a time, and whole ones.
-_ROWS, _WHOLE_ROWS = 8, 128
+#: Reduced rows at a time.
+_ROWS = 8
 
 
 def reduction(n_pixels: int) -> int:
@@ -61,15 +61,7 @@ def enlarged(leaves: Leaves, image: Array, inside: Bools, factor: int) -> Leaves
         parents[labels] = blocks
         parents = parents[1:] - 1
     labels = _at_edges(image, labels, factor)
-    sizes = np.sum(
-        in_stripes(
-            lambda own: np.bincount(labels[own].ravel(), minlength=len(parents) + 1)[1:].astype(np.float64),
-            height,
-            4.0 * labels.size,
-            _WHOLE_ROWS,
-        ),
-        axis=0,
-    )
+    sizes = np.bincount(labels.ravel(), minlength=len(parents) + 1)[1:].astype(np.float64)
     shares = (sizes / leaves.sizes[parents])[:, None]
     borders = find_borders(labels)
     return Leaves(
@@ -87,14 +79,8 @@ def _at_edges(image: Array, labels: Ints, factor: int) -> Ints:
     """Move the borders of leaves, no farther than a block or two, to the edges of the image."""
     some = image[:: factor * 4, :: factor * 4]
     low, high = np.percentile(some, (0.1, 99.9))
-    values = np.empty(image.shape, np.float32)
-
-    def level(own: slice) -> None:
-        values[own] = image[own]
-        values[own] -= np.float32((low + high) / 2)
-        values[own] *= np.float32(255 / (high - low) if high > low else 1)
-
-    in_stripes(level, len(image), 4.0 * image.size)
+    gain = 255 / (high - low) if high > low else 1
+    values = (image.astype(np.float32) - np.float32((low + high) / 2)) * np.float32(gain)
     n_sweeps = SETTINGS.sweeps * factor
     return descend(
         values, labels, int(labels.max()), edge_weight=SETTINGS.compactness, connected=True, max_sweeps=n_sweeps
