@@ -16,6 +16,7 @@ from cvtimg.segmentation import count_objects
 Image = Array
 SIDE = 220
 DOWN, RIGHT = np.mgrid[:SIDE, :SIDE]
+SPRINKLED = np.random.default_rng(0).random((SIDE, SIDE)) < 0.02
 
 
 def truth(rng: np.random.Generator) -> Ints:
@@ -52,11 +53,6 @@ def in_a_well(image: Image) -> Image:
     ground = np.random.default_rng(0).normal(70, 5, well.shape)
     inner = np.where(np.pad(np.ones(image.shape, bool), 50), well, ground)
     return np.where(np.hypot(y, x) < len(well) / 2 - 4, inner, ground + 110)
-
-
-def sprinkled(image: Image, value: float) -> Image:
-    """Give a fiftieth of the pixels a value."""
-    return np.where(np.random.default_rng(0).random(image.shape) < 0.02, value, image)
 
 
 def enlarged(image: Image) -> Image:
@@ -111,7 +107,7 @@ CHANGES = {
     "light from the left": lambda image: image + 2.0 * RIGHT,
     "light from below": lambda image: image + 3.0 * DOWN,
     "a light in the middle": lambda image: image - 0.015 * ((DOWN - 110) ** 2 + (RIGHT - 110) ** 2),
-    "salt": lambda image: sprinkled(image, 255),
+    "salt": lambda image: np.where(SPRINKLED, 255, image),
 }
 #: However noise is treated, it holds no objects.
 TREATMENTS = {
@@ -121,8 +117,8 @@ TREATMENTS = {
     "half a pixel": lambda image: ndimage.shift(image, 0.5, order=1, mode="nearest"),
     "larger by half": enlarged,
     "shade": lambda image: image + np.linspace(0, 60, SIDE),
-    "pepper": lambda image: sprinkled(image, 0),
-    "salt": lambda image: sprinkled(image, 255),
+    "pepper": lambda image: np.where(SPRINKLED, 0, image),
+    "salt": lambda image: np.where(SPRINKLED, 255, image),
 }
 SINCE = "2026-11-27"
 #: Noise that interpolation shares among pixels moves outlines farther than the law of ripples says: one may be two.
