@@ -123,7 +123,10 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("read")
     results, notes = _restored_all(versions, given)
     stopwatch.lap("cluster")
-    notes += [*_given_twice(given.versions), *_write(task, results, versions[0], stack, given)]
+    counts = Counter(os.path.realpath(path) for path in given.versions)
+    twice = [path for path in given.versions if counts[os.path.realpath(path)] > 1]
+    notes += [f"{path} is given more than once and counts once" for path in twice]
+    notes += _write(task, results, versions[0], stack, given)
     stopwatch.lap("write")
     warning = {"warning": "; ".join(dict.fromkeys(notes))} if notes else {}
     return {**_summary(versions, results), **warning}
@@ -135,7 +138,10 @@ def _restored_all(versions: Sequence[VersionFiles], given: Given) -> tuple[list[
     for read in versions:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
-            results.append(_restored(read, given))
+            try:
+                results.append(_restored(read, given))
+            except ValueError as error:
+                raise ValueError(_with_names(str(error), read)) from error
         notes += [given.worded(_with_names(str(warning.message), read)) for warning in caught]
     return results, notes + _doubts(results[0], given)
 
@@ -225,38 +231,23 @@ def _check_room(task: Task, n_pages: int) -> None:
     from cvtimg.pictures.pages import PAGE_SUFFIXES
 
     for option, path in task.outputs.items():
+        pages = f"has {n_pages} pages to restore one by one"
         if option == "--sheet":
-            raise ValueError(
-                f"has {n_pages} pages to restore one by one, and --sheet shows one; select it by --z or --t"
-            )
+            raise ValueError(f"{pages}, and --sheet shows one; select it by --z or --t")
         if path.suffix.lower() not in (FRAME_WRITERS if option == "-o" and is_animated(task.source) else PAGE_SUFFIXES):
-            way = (
-                f"name an output that can hold them, {option} FILE.tif; or --merge T or Z, if they are versions of one"
-            )
-            raise ValueError(f"has {n_pages} pages to restore one by one: {way}")
+            way = f"name an output that can hold them, {option} FILE.tif"
+            raise ValueError(f"{pages}: {way}; or --merge T or Z, if they are versions of one")
 
 
 def _restored(read: VersionFiles, given: Given) -> Denoised:
     from cvtimg.restoration import restore_versions
 
-    align, arguments = given.motion if given.align else False, given.arguments
     # Unless something asks for segments, the picture decides.
     must_be_flat = given.channels or given.labels or given.number != "auto" or given.edge_weight != "auto"
     flat = True if must_be_flat else False if given.detail else None
+    align = given.motion if given.align else False
     about: dict[str, Any] = {"masks": read.masks, "alpha": read.alpha, "align": align, "flat": flat}
-    try:
-        return restore_versions(
-            read.images, read.names if len(read.names) == len(read.images) else (), **about, **arguments
-        )
-    except ValueError as error:
-        raise ValueError(_with_names(str(error), read)) from error
-
-
-def _given_twice(inputs: Sequence[str | Path]) -> list[str]:
-    """Say which inputs are given more than once, though each counts once."""
-    counts = Counter(os.path.realpath(path) for path in inputs)
-    twice = {str(path): None for path in inputs if counts[os.path.realpath(path)] > 1}
-    return [f"{path} is given more than once and counts once" for path in twice]
+    return restore_versions(read.images, read.names, **about, **given.arguments)
 
 
 def _with_names(message: str, read: VersionFiles) -> str:

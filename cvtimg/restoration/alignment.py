@@ -88,8 +88,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
             alignment.transforms[version], models[version], values[version], known[:, :, version] = end
     if stuck:
         why = "one of them is of one color, or they know no pixels in common"
-        names = ", ".join(stuck)
-        warn(f"{names} cannot be aligned with images[0] and stay in place: {why}")
+        warn(f"{', '.join(stuck)} cannot be aligned with images[0] and stay in place: {why}")
     return replace(versions, stack=tuple(values), known=known), Alignment(alignment.transforms, tuple(models))
 
 

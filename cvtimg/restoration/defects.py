@@ -77,9 +77,9 @@ def _impulses(bands: Floats32, known: Bools) -> Bools | None:
     """(H, W) impulses at the ends of the levels of each band of a version, (H, W, C); None without evidence."""
     from scipy.stats import binom
 
-    black, white = (pick(bands[known], axis=0) for pick in (np.min, np.max)) if known.any() else (0, 0)
-    if np.all(black == white):
+    if not known.any() or not np.ptp(bands[known], axis=0).any():
         return None
+    black, white = (pick(bands[known], axis=0) for pick in (np.min, np.max))
     ends, hits = (bands == black, bands == white), np.zeros(known.shape, np.bool_)
 
     def surroundings(around: Floats32) -> tuple[Array, ...]:
@@ -203,11 +203,10 @@ def _stripes(image: Floats32) -> Floats32:
 def _offsets(image: Floats32) -> Floats32:
     """(H, 1, C) offsets of the rows of an image, (H, W, C), from those around; 0 without evidence."""
     offsets = np.zeros((len(image), 1, image.shape[2]), np.float32)
-    for band in range(image.shape[2]):
-        if _are_of_rows(_departures(image[:, :, band])):
-            total = offsets[:, :, band]  # a view
+    for band, total in zip(np.moveaxis(image, 2, 0), np.moveaxis(offsets, 2, 0), strict=True):
+        if _are_of_rows(_departures(band)):
             for _ in range(_ROUNDS):
-                total += _departures(image[:, :, band] - total).mean(axis=1, keepdims=True)
+                total += _departures(band - total).mean(axis=1, keepdims=True)
             total[:, 0] = _white_part(total[:, 0])
     return offsets
 

@@ -1,23 +1,69 @@
-"""Detail, for photographs: groups of patches instead of cells of colors, with a filter for each group.
+"""Detail, for photographs: groups of patches instead of cells of colors, and one Wiener filter for each group.
+
+A photograph has many colors but few kinds of patches: flat areas, edges in each direction, each texture. The patches
+around all pixels are tessellated by their main components, and each cell is cut in two, across its main axis, until
+groups are small. Groups are small enough for one covariance to describe all patches in them: what a patch differs by
+from the mean of its group is signal and noise, and the covariance tells how much of each direction is signal.
+P. Chatterjee and P. Milanfar, IEEE Trans. Image Processing 21 (2012) 1635-1649, doi 10.1109/TIP.2011.2172799.
 
 Each pass compares the patches of the last estimate, so groups become purer and can be smaller. The first pass takes
 covariances from the noisy patches; later ones from the estimate, as an oracle.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise, product, starmap
+from typing import Any
 
 import numpy as np
+from scipy.fft import dct
 from scipy.ndimage import gaussian_filter, uniform_filter
 
+import cvtimg.restoration._patches as _patches
 from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
-from cvtimg._shared.threads import in_stripes, side_by_side
-from cvtimg._shared.types import Bools, Floats32
+from cvtimg._shared.threads import in_parts, in_stripes, side_by_side
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints, Ints64
+from cvtimg.engine.points import assign, pack
+from cvtimg.engine.seeding import TooFewSamplesError
+from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.patches import REACH, Axes, Groups, Kinds, Noisy, filtered, group_patches, with_border
+from cvtimg.restoration.noise import SharedNoise
 from cvtimg.restoration.versions import Clipped, Versions, fill, fuse
 
+#: Patches are 5 x 5 pixels.
+REACH = 2
+SIDE = 2 * REACH + 1
+
+#: Number of patches from which principal components are found.
+_N_SAMPLES = 1 << 14
+#: Ratio of the noise of bands up to which it is taken for equal.
+_EQUAL = 1.25
+#: How often opponent colors count, beside lightness: they vary less, so noise hides less of what differs.
+_CHROMA = 2
+#: Every covariance has this part of its trace in all directions, so that float32 is precise enough.
+_PRECISE = 1e-7
+#: Covariances of the estimate, which has lost some detail, are raised by this factor.
+_GAIN = 1.1
+#: Twice, power that exceeds that of the noise by this factor is halved in the covariance of noisy patches.
+_BENT = 1.5
+#: Added to the variance that a filter leaves, as a share of that of the noise: none is perfect.
+_LEFT = 0.02
+#: Share of the variance of noise that every covariance has, so that it has an inverse.
+_RIDGE = 1e-4
+#: Share of its mean variance that shared noise has in any direction of a patch, so that its covariance has an inverse.
+_ANYWHERE = 0.01
+#: Precision of unknown pixels, filled from nearby, as a part of the usual one.
+_FILLED = 0.4
+#: Filters are applied twice where more than this share of the pixels are known half as well as usual or worse; and kept
+#: for that number of blocks.
+_UNEVEN, _KEPT = 0.02, 4
+#: Factor by which pixels may be known better than the mean of their group; beyond 2, what they are drawn by would grow.
+_STEP = 1.9
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a
 #: megapixel takes some seconds.
 _PASSES = {"fast": (800, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 80, 60, 60)}
@@ -186,3 +232,314 @@ def clipped_ends(values: Floats32, known: Bools, true: Floats32, sigma: Floats32
         return n_there > 0 and n_there >= float(ndtr(-away).sum(dtype=np.float64, where=known)) / 2
 
     return piles_up(0.0), piles_up(white)
+
+
+# --- patches, and groups of those that look alike
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axes:
+    """Axes along which the bands of an image have equal noise, at most a few of them at a time."""
+
+    matrix: Floats  # (C, C): maps bands to axes
+    slices: tuple[slice, ...]  # axes that are filtered together
+
+    @classmethod
+    def of(cls, noise_by_band: list[Floats], image: Floats32, most: int = 4) -> Axes:
+        """Give bands, (C,) in each version, equal noise; of more than `most`, put what they share first."""
+        n_bands = image.shape[2]
+        slices = tuple(slice(first, first + most) for first in range(0, n_bands, most))
+        noise = np.stack(noise_by_band)
+        least = np.maximum(np.nanmean(noise, axis=0) if np.isfinite(noise).any() else np.ones(n_bands), 1e-30)
+        equal = least.max() <= _EQUAL * least.min()
+        scales = np.ones(n_bands) if equal else np.sqrt(np.mean(least**2)) / least
+        rows = image.reshape(-1, n_bands)[:: max(1, image.size // (n_bands * _N_SAMPLES))] * scales
+        turned = np.linalg.eigh(np.cov(rows.T))[1][:, ::-1] if len(slices) > 1 else np.eye(n_bands)
+        return cls(scales[:, None] * turned, slices)
+
+    def along(self, image: Floats32) -> Floats32:
+        """(H, W, C) image, by axes."""
+        return matmul(image, self.matrix.astype(np.float32))
+
+    def back(self, image: Floats32) -> Floats32:
+        """(H, W, C) image, by bands again."""
+        return matmul(image, np.linalg.inv(self.matrix).astype(np.float32))
+
+    def looks(self, image: Floats32) -> Floats32:
+        """(H, W, D) what patches are compared by: opponent colors of three bands, or the first axes."""
+        if image.shape[2] != 3:
+            return image[:, :, self.slices[0]]
+        # Cosines of three bands are lightness, red against blue, and green against both.
+        return matmul(image, (dct(np.eye(3), norm="ortho") * [1, _CHROMA, _CHROMA]).astype(np.float32))
+
+
+def cells_of(rows: Array, most: int, **how: Any) -> Tessellation:
+    """Tessellate rows, which may have fewer different values than cells: then each has its own."""
+    try:
+        return tessellate(rows, most, **how)
+    except TooFewSamplesError as error:  # to count them first would take time, and rounding makes some that are none
+        return tessellate(rows, error.n_distinct, **how)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kinds:
+    """Cells of the patches of an image."""
+
+    mean: Floats32  # (P,): mean patch
+    basis: Floats32  # (P, D): main components of the patches
+    generators: Floats  # (K, D): kinds of patches, in these components
+
+    @classmethod
+    def of(cls, bordered: Floats32, n_generators: int, rng: np.random.Generator, n_components: int = 16) -> Kinds:
+        """Find kinds of patches from some patches of an image with a border of `REACH` pixels."""
+        patches = windows(bordered)
+        n_pixels = patches.shape[0] * patches.shape[1]
+        drawn = np.sort(rng.choice(n_pixels, min(n_pixels, max(_N_SAMPLES, 50 * n_generators)), replace=False))
+        sample = patches[np.unravel_index(drawn, patches.shape[:2])].reshape(len(drawn), -1)
+        mean = sample.mean(axis=0)
+        sample = sample - mean
+        _, axes = np.linalg.eigh(matmul(sample.T, sample).astype(np.float64))
+        basis = axes[:, -n_components:].astype(np.float32)
+        points = matmul(sample, basis)
+        return cls(mean, basis, cells_of(points, n_generators, effort="fast", rng=rng).generators)
+
+    def features(self, bordered: Floats32, chunk: int = 1 << 15) -> Floats32:
+        """(N, D) features of the patches of an image with a border of `REACH` pixels, about `chunk` at a time."""
+        patches = windows(bordered)
+
+        def part(rows: slice) -> Floats32:
+            return matmul(patches[rows].reshape(-1, len(self.mean)) - self.mean, self.basis)
+
+        step = max(1, chunk // patches.shape[1])
+        return np.concatenate(in_stripes(part, len(patches), work=float(patches.size * self.basis.shape[1]), n=step))
+
+    def label(self, features: Floats32) -> Ints:
+        """(N,) kind of each patch, from 0."""
+        points = pack(features, np.ones(len(features)), center=np.zeros(features.shape[1]))
+        return assign(points, points.frame.inward(self.generators))[: points.n_points]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Groups:
+    """Groups of the patches around the pixels of a part of an image."""
+
+    rows: slice
+    columns: slice
+    order: Ints  # (N,): pixels in the order of their groups
+    bounds: Ints64  # (G + 1,): where each group begins
+
+    def __len__(self) -> int:
+        return len(self.bounds) - 1
+
+    @property
+    def sizes(self) -> Ints64:
+        """(G,) number of patches of each group."""
+        return np.diff(self.bounds)
+
+    @property
+    def bordered(self) -> tuple[slice, slice]:
+        """Where the part and its border lie in an image with a border."""
+        rows, columns = (slice(side.start, side.stop + 2 * REACH) for side in (self.rows, self.columns))
+        return rows, columns
+
+
+def group_patches(features: Floats32, labels: Ints, largest: int) -> tuple[Ints, Ints64]:
+    """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches.
+
+    Return the (N,) patches in the order of their groups, and (G + 1,) where each group begins.
+    """
+    order = np.argsort(labels, kind="stable").astype(np.int32)
+    bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
+    while True:
+        large = np.flatnonzero(np.diff(bounds) > largest)
+        if not len(large):
+            return order, bounds
+        starts, stops, cuts = bounds[large], bounds[large + 1], np.empty(len(large), np.int64)
+
+        def halve(first: int, last: int, starts=starts, stops=stops, cuts=cuts) -> None:  # type: ignore[no-untyped-def]
+            _patches.halve_groups(features, order, starts, stops, cuts, first, last)
+
+        in_parts(halve, len(large), work=float((stops - starts).sum()) * features.shape[1] ** 2 / 8)
+        bounds = np.insert(bounds, large + 1, cuts)
+
+
+def matmul(image: Floats32, matrix: Floats32) -> Floats32:
+    """Multiply by a matrix, without warnings."""
+    # NumPy's BLAS for 64-bit ARM computes in lanes that hold no numbers, and raises their flags of division by zero.
+    with np.errstate(all="ignore"):
+        return image @ matrix
+
+
+def with_border(image: Floats32) -> Floats32:
+    """Mirror the border of an image, so that there is a patch around each pixel."""
+    return np.pad(image, ((REACH, REACH), (REACH, REACH), (0, 0)), mode="symmetric")
+
+
+def windows(bordered: Floats32) -> Floats32:
+    """(H, W, 5, 5, C) view of the patches of an (H + 4, W + 4, C) image."""
+    seen = np.lib.stride_tricks.sliding_window_view(bordered, (SIDE, SIDE), axis=(0, 1))
+    return np.moveaxis(seen, 2, 4)
+
+
+# --- filters
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noisy:
+    """A noisy image, what it is taken to be, and how well its pixels are known; with a border of `REACH` pixels."""
+
+    #: (H + 4, W + 4, C): the noisy image, anything where nothing is known, and an estimate of it without noise
+    values: Floats32
+    estimate: Floats32
+    precision: Floats32  # (H + 4, W + 4): 1 / variance of the noise of each pixel; 0 where nothing is known
+    shared: SharedNoise | None = None  # what pixels share of their noise; None where it is white
+
+    @property
+    def usual_variance(self) -> float:
+        """Variance of the noise at the mean precision of known pixels."""
+        n_known = np.count_nonzero(self.precision)
+        return n_known / max(float(self.precision.sum(dtype=np.float64)), 1e-30)
+
+    def bands(self, chosen: slice) -> Noisy:
+        """Return some of the bands."""
+        values, estimate = (np.ascontiguousarray(image[:, :, chosen]) for image in (self.values, self.estimate))
+        matrix = np.eye(self.values.shape[2])[:, chosen]
+        return Noisy(values, estimate, self.precision, self.shared and self.shared.along(matrix))
+
+
+def filtered(noisy: Noisy, blocks: Sequence[Groups], from_estimate: bool) -> Floats32:
+    """(H, W, C) image, from patches filtered by group, of blocks that do not overlap."""
+    # Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are
+    # of. Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
+    usual, estimate, inner = noisy.usual_variance, noisy.estimate.copy(), slice(REACH, -REACH)
+    rounds = 2 if np.mean(noisy.precision < 0.5 / usual) > _UNEVEN else 1
+
+    filters_of = partial(_Filters.of, noisy, from_estimate, usual)
+    # The filters of a large image are made again for each round: together they would fill the memory.
+    kept = list(side_by_side(filters_of, blocks)) if rounds > 1 and len(blocks) <= _KEPT else []
+    for _ in each(range(rounds)):
+        # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
+        # a filter that weights each pixel by its own noise.
+        total, weight = np.zeros_like(estimate), np.zeros_like(noisy.precision)
+
+        def sums_of(number: int, estimate: Floats32 = estimate) -> tuple[Floats32, Floats32]:
+            return (kept[number] if kept else filters_of(blocks[number])).sums(noisy, estimate)
+
+        for block, (sums, weights) in zip(each(blocks), side_by_side(sums_of, range(len(blocks))), strict=True):
+            total[block.bordered] += sums
+            weight[block.bordered] += weights
+        estimate[inner, inner] = total[inner, inner] / weight[inner, inner, None]
+    return estimate[inner, inner]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Filters:
+    """The filters of the groups of a block."""
+
+    groups: Groups
+    means: Floats32  # (G, P): mean patches
+    matrices: Floats32  # (G, P, P): filters
+    variances: Floats  # (G,): of the noise
+    trust: Floats32  # (G, 25): weight of the pixels of filtered patches
+
+    @classmethod
+    def of(cls, noisy: Noisy, from_estimate: bool, usual: float, groups: Groups) -> _Filters:
+        """Make the filters of a block of an image."""
+        precision, image = noisy.precision[groups.bordered], np.ascontiguousarray(noisy.estimate[groups.bordered])
+        variances = _variances(precision, groups, usual)
+        if not from_estimate:
+            image = np.where(precision[:, :, None] > 0, noisy.values[groups.bordered], image)
+        size = SIDE**2 * image.shape[2]
+        means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, size), np.float32)
+        noise = None if from_estimate else _noise_by_place(precision, groups, image.shape[2])
+        shared = covariance_of(noisy.shared) if noisy.shared else np.eye(size)
+        # White noise times the factor is that of patches; these are divided by it, filtered, and multiplied again.
+        factor = np.linalg.cholesky(shared)
+        whiten = np.linalg.inv(factor)
+
+        def make(first: int, last: int, chunk: int = 64) -> None:
+            for start in range(first, last, chunk):
+                stop = min(start + chunk, last)
+                here = slice(start, stop)
+                _patches.measure_groups(image, groups.order, groups.bounds, means, matrices, start, stop)
+                covariances, variance = matrices[here], variances[here]
+                if noisy.shared:
+                    covariances[:] = whiten @ covariances @ whiten.T
+                if noise is None:
+                    covariances *= _GAIN
+                else:
+                    _lessen_noise(covariances, noise[here], variance)
+                diagonal = np.einsum("gii->gi", covariances)
+                diagonal += np.maximum(_RIDGE * variance, _PRECISE * diagonal.sum(axis=1))[:, None]
+                _patches.make_filters(covariances, variance)
+                if noisy.shared:
+                    covariances[:] = whiten.T @ covariances @ factor.T
+
+        in_parts(make, len(groups), work=float(groups.sizes.sum()) * size**2 / 16 + len(groups) * size**3 / 8)
+        # The variance that remains at each place of a patch, as a share of that of the noise.
+        left = np.einsum("gij,ij->gj", matrices, np.float32(shared)).reshape(len(groups), SIDE**2, -1).mean(axis=2)
+        trust = usual / variances[:, None] / (left + _LEFT)
+        return cls(groups, means, matrices, variances, trust.astype(np.float32))
+
+    def sums(self, noisy: Noisy, estimate: Floats32) -> tuple[Floats32, Floats32]:
+        """Weighted sums of the filtered patches, and their weights, in the block and its border."""
+        groups, size = self.groups, self.means.shape[1]
+        image = np.ascontiguousarray(estimate[groups.bordered])
+        own_change = noisy.precision[groups.bordered][:, :, None] * (noisy.values[groups.bordered] - image)
+        patches = np.empty((len(groups.order), size), np.float32)
+        sums, weights = np.empty_like(image), np.empty(image.shape[:2], np.float32)
+        group_of = np.empty([side - 2 * REACH for side in image.shape[:2]], np.int32)
+        group_of.ravel()[groups.order] = np.repeat(np.arange(len(groups), dtype=np.int32), groups.sizes)
+        about = groups.order, groups.bounds, self.means, self.matrices
+
+        def apply(first: int, last: int) -> None:
+            _patches.filter_groups(image, own_change, self.variances, *about, patches, first, last)
+
+        def join(first: int, last: int) -> None:
+            _patches.join_patches(patches, group_of, self.trust, sums, weights, first, last)
+
+        in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
+        in_parts(join, len(sums), work=patches.size)
+        return sums, weights
+
+
+def covariance_of(shared: SharedNoise) -> Floats:
+    """(P, P) covariance of the noise of patches, as a part of its mean variance; some in each direction."""
+    places, lags = np.indices((SIDE, SIDE)).reshape(2, -1).T, len(shared.autocovariance) // 2
+    rows, columns = np.moveaxis(places[:, None] - places, 2, 0) + lags
+    size = SIDE**2 * len(shared.bands)
+    covariance = shared.autocovariance[rows, columns].transpose(0, 2, 1, 3).reshape(size, size)
+    values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
+    raised = (axes * np.maximum(values, _ANYWHERE * values.mean())) @ axes.T
+    return np.asarray(raised * (size / np.trace(raised)))
+
+
+def _variances(precision: Floats32, groups: Groups, usual: float) -> Floats:
+    """(G,) variance of the noise in the patches of each group: that of the mean precision of their pixels."""
+    patches, starts = windows(precision[:, :, None]).reshape(len(groups.order), -1)[groups.order], groups.bounds[:-1]
+    means = np.add.reduceat(patches.mean(axis=1, dtype=np.float32), starts, dtype=np.float64) / groups.sizes
+    best = np.maximum.reduceat(patches.max(axis=1), starts)
+    variances = np.divide(1, means, out=np.full(len(groups), usual), where=means > 1e-6 / usual)
+    return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
+
+
+def _noise_by_place(precision: Floats32, groups: Groups, n_bands: int) -> Floats:
+    """(G, P) variance of the noise at each place of the patches of each group."""
+    usual = precision.mean() / max((precision > 0).mean(), 1e-30)
+    variance = np.reciprocal(np.maximum(precision, np.float32(_FILLED * usual)), dtype=np.float32)
+    patches = windows(variance[:, :, None]).reshape(len(groups.order), -1)[groups.order]
+    sums = np.add.reduceat(patches, groups.bounds[:-1], axis=0, dtype=np.float64)
+    return np.repeat(sums / groups.sizes[:, None], n_bands, axis=1)
+
+
+def _lessen_noise(covariances: Floats32, noise: Floats, variances: Floats) -> None:
+    """Turn (G, P, P) covariances of noisy patches into those of what they show."""
+    # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
+    # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.
+    diagonal = np.einsum("gii->gi", covariances)
+    diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
+    bends = _BENT * variances
+    for _ in range(2):
+        filters = covariances.copy()
+        _patches.make_filters(filters, bends)
+        covariances -= bends[:, None, None].astype(np.float32) * filters

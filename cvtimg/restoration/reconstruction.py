@@ -15,10 +15,9 @@ from cvtimg._shared.threads import one_blas_thread
 from cvtimg._shared.types import Array, Bools, Floats32
 from cvtimg.engine.search import EFFORTS
 from cvtimg.files.whole import StrPath
-from cvtimg.restoration.detail import denoised
+from cvtimg.restoration.detail import cells_of, denoised
 from cvtimg.restoration.evidence import MOST_MISFIT, misfits_of_most, prepare, that_tell
 from cvtimg.restoration.noise import Noise
-from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.result import RENORMALIZATIONS, Denoised, Restoration, merge_versions
 from cvtimg.restoration.versions import Versions, fuse, stack_versions, trust_in, usual_noise, with_tables
 
@@ -235,9 +234,8 @@ def denoise(
     """
     check_choice("effort", effort, ("auto", *EFFORTS))
     check_choice("noise_like", noise_like, get_args(NoiseName))
-    strengths = luma, chroma
-    for name, value in zip(("luma", "chroma"), strengths, strict=True):
-        check_in_range(name, value, 0 <= value <= 1, "from 0 to 1")
+    check_in_range("luma", luma, 0 <= luma <= 1, "from 0 to 1")
+    check_in_range("chroma", chroma, 0 <= chroma <= 1, "from 0 to 1")
     stacked = that_tell(stack_versions(images, masks, nodata, space, alpha=alpha, any_size=bool(align)))
     given, bands = stacked.distinct()
     white = noise_like == "white"
@@ -245,8 +243,8 @@ def denoise(
         evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, white=white)
     with part(_PREPARING, 1):
         image, used = denoised(evidence, effort, np.random.default_rng(rng))
-    if strengths != (1, 1):
-        image = _in_part(image, fuse(used, evidence.trust), *strengths, space)
+    if (luma, chroma) != (1, 1):
+        image = _in_part(image, fuse(used, evidence.trust), luma, chroma, space)
     return Denoised.of(stacked.with_all(image, bands), used, evidence, space, bands=bands)
 
 
@@ -284,7 +282,8 @@ def restore_versions(
     images, masks, nodata, alpha, align
         As in `cvtimg.restore`.
     paths : sequence of paths, optional
-        Files of the images: what JPEG has rounded away of those is known from their tables, where detail is restored.
+        Files of the images, one for each, or none: what JPEG has rounded away of those is known from their tables,
+        where detail is restored.
     flat : bool, optional
         Whether the image has few flat colors. By default it has, if a few explain all but the noise, and segments of a
         single image leave no more of it.
@@ -310,7 +309,8 @@ def restore_versions(
         result = restore(images, align=align, **about, **for_segments)
         if flat or len(images) > 1 or not _leaves_structure(result.image, images[0], result.coverage > 0):
             return result
-    images = [with_tables(image, path) for image, path in zip(images, paths, strict=True)] if paths else images
+    if len(paths) == len(images):
+        images = [*map(with_tables, images, paths)]
     return denoise(images, align=align, **about, **for_detail)
 
 

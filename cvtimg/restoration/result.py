@@ -21,9 +21,9 @@ from cvtimg.elbow.curves import auto_count
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
 from cvtimg.pictures.showing import natural_limits, shown
+from cvtimg.restoration.detail import cells_of
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.noise import SharedNoise
-from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.versions import Versions, fuse
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
 

@@ -15,7 +15,7 @@ from PIL import Image
 from PIL.JpegImagePlugin import samplings
 from scipy.ndimage import gaussian_filter
 
-from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that
+from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that, check_weights
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, usual_range, white_of
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
@@ -221,8 +221,7 @@ def stack_versions(
     masks = [None] * len(images) if masks is None else masks
     if len(masks) != len(images):
         raise ValueError(f"masks has {len(masks)} masks and must have {len(images)}, one for each version, or None")
-    given = enumerate(zip(images, masks, strict=True))
-    read = [_read(number, image, mask, nodata, alpha) for number, (image, mask) in given]
+    read = [_read(number, images[number], mask, nodata, alpha) for number, mask in enumerate(masks)]
     if not any_size:
         _check_same("size", [known.shape for _, known in read])
     if not channels:
@@ -319,13 +318,10 @@ def disagreement(versions: Versions, trust: Floats) -> float:
 
 def trust_in(versions: Versions, weights: ArrayLike | None, noise: Floats) -> Floats:
     """(S,) weight of each version, with mean 1: the given one, or the inverse variance of its noise."""
+    trust = 1 / usual_noise(versions, noise) ** 2
     if weights is not None:
-        trust = np.asarray(weights, np.float64)
-        each = (versions.n_versions,)
-        check_shape("weights", trust.shape, trust.shape == each, f"{each}, one for each version")
-        check_in_range("weights", trust.tolist(), np.isfinite(trust).all() and trust.min() > 0, "finite and > 0")
-    else:
-        trust = 1 / usual_noise(versions, noise) ** 2
+        trust = check_weights("weights", weights, trust.shape, "version")
+        check_in_range("weights", trust.tolist(), trust.min() > 0, "finite and > 0")
     return trust / trust.mean()
 
 

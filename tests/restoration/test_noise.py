@@ -18,9 +18,9 @@ from scipy.ndimage import gaussian_filter
 
 from cvtimg import denoise, read_image, restore
 from cvtimg._shared.types import Array, Bytes, Floats
+from cvtimg.restoration.detail import covariance_of
 from cvtimg.restoration.evidence import MOST_MISFIT, misfits
 from cvtimg.restoration.noise import Noise, SharedNoise, lines_of, shared_noise
-from cvtimg.restoration.patches import covariance_of
 from cvtimg.restoration.versions import Rounding, stack_versions, with_tables
 from cvtimg.segmentation.noise import noise_covariance
 

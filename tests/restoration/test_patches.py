@@ -7,7 +7,7 @@ import pytest
 from reference import at_threads
 
 from cvtimg._shared.types import Floats
-from cvtimg.restoration.patches import Groups, Noisy, filtered, group_patches, windows, with_border
+from cvtimg.restoration.detail import Groups, Noisy, filtered, group_patches, windows, with_border
 
 
 def noisy_image(shape: tuple[int, int, int] = (11, 13, 3), *, precisions: tuple[int, ...] = (40, 100, 120)) -> Noisy:
