@@ -1,4 +1,4 @@
-from .agreement import HIDDEN as HIDDEN
+from .evidence import HIDDEN as HIDDEN
 from .reconstruction import denoise as denoise
 from .reconstruction import restore as restore
 from .reconstruction import restore_versions as restore_versions

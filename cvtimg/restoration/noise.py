@@ -31,10 +31,8 @@ from cvtimg.restoration.versions import Clipped, Versions, fill
 #: for each of their values. The last number is that of the pixels that are looked at, about.
 _SIDES, _PER_VALUE, _MOST = (8, 4, 3, 2), 10, 1 << 20
 #: Shares of patches that are quiet, of many and of few; fewer than 80 for each band tell nothing. Along an axis,
-#: others have at most 3 times their power: the rest is texture.
-_QUIET, _OF_FEW, _FEWEST, _AGAIN = 0.1, 0.25, 80, 3.0
-#: Shares of patches, from quiet to loud, between which those lie that tell how texture grows.
-_GROWING = (0.2, 0.5)
+#: others have at most 3 times their power: the rest is texture. Shares between which those lie that tell how it grows.
+_QUIET, _OF_FEW, _FEWEST, _AGAIN, _GROWING = 0.1, 0.25, 80, 3.0, (0.2, 0.5)
 #: Share of values at an end of the levels from which on a patch is cut off; a block; and, where most patches have a
 #: smaller one, but all have some, one that tells what bands share.
 _CUT_OFF = (0.02, 0.1, 0.2)
@@ -69,9 +67,7 @@ class SharedNoise:
     @classmethod
     def white(cls, covariance: Floats) -> SharedNoise:
         """Noise of which pixels share nothing, and the bands of a pixel what their covariance, (C, C), tells."""
-        autocovariance = np.zeros((2 * _LAGS + 1, 2 * _LAGS + 1, *covariance.shape))
-        autocovariance[_LAGS, _LAGS] = covariance
-        return cls(autocovariance)
+        return cls(np.pad(covariance[None, None], ((_LAGS, _LAGS), (_LAGS, _LAGS), (0, 0), (0, 0))))
 
     @property
     def bands(self) -> Floats:

@@ -14,8 +14,8 @@ from skimage.draw import disk, ellipse, line
 
 from cvtimg import denoise, read_image, restore
 from cvtimg._shared.types import Array, Floats
-from cvtimg.restoration import agreement
-from cvtimg.restoration.agreement import without_background, without_motion, without_outliers
+from cvtimg.restoration import evidence
+from cvtimg.restoration.evidence import without_background, without_motion, without_outliers
 from cvtimg.restoration.versions import stack_versions
 
 Damage = damage.Damage
@@ -108,7 +108,7 @@ def test_bands_of_rows_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> No
     for leave_out in (without_outliers, without_background, without_motion):
         whole = leave_out(stack, noise).known
         with monkeypatch.context() as patch:
-            patch.setattr(agreement, "_in_bands", partial(agreement._in_bands, most=64 * 4 * 7))
+            patch.setattr(evidence, "_in_bands", partial(evidence._in_bands, most=64 * 4 * 7))
             np.testing.assert_array_equal(leave_out(stack, noise).known, whole)
         assert (whole != stack.known).any()
 
