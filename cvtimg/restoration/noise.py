@@ -281,11 +281,18 @@ def _covariance_of(versions: Versions, *numbers: int) -> Floats:
     if look.has_texture and not squares.any():  # flat patches, as of drawings: axes would hang on rounding
         return squares
     large = look.patches(_SIDES[0], per_value=1)
-    if len(squares) > 1 and (large is None or _QUIET * len(large[0]) < _FEWEST):
+    if look.has_texture and len(squares) > 1 and (large is None or _QUIET * len(large[0]) < _FEWEST):
         large = look.patches(_SIDES[0], per_value=1, most=min(_CUT_OFF[2] + float(np.isinf(look.lost).mean()), 0.5))
-    if large is None or _QUIET * len(large[0]) < _FEWEST or np.isnan(squares).any():
+    if large is not None and _QUIET * len(large[0]) >= _FEWEST and np.isfinite(squares).all():
+        axes, powers = _flat(large[0], squares)
+    elif look.has_texture or large or np.count_nonzero(look.lost == 0) < _FEWEST * len(squares):
         return squares
-    axes, powers = _flat(large[0], squares)
+    else:  # few patches are whole, but there is no texture; medians of what is known pass over spikes
+        # R. Gnanadesikan, J. R. Kettenring, Biometrics 28 (1972) 81-124, doi 10.2307/2528963, for medians.
+        rows = look.values[look.lost == 0].astype(np.float64)
+        sums, apart = (np.median(np.abs(rows[:, :, None] + sign * rows[:, None]), axis=0) for sign in (1, -1))
+        powers, axes = np.linalg.eigh((sums**2 - apart**2) / (2 * 0.6745) ** 2)
+        squares = np.where(np.isfinite(squares), squares, np.median(powers) * np.eye(len(squares)))
     if len(squares) == 1:
         return np.minimum(squares, np.maximum(powers, 0)) if look.has_texture else squares
     least = np.einsum("ij,ik,kj->j", axes, squares, axes)
