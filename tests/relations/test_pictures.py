@@ -63,6 +63,7 @@ FORMS: dict[str, Callable[[Image], Any]] = {
     "16 bits": lambda image: image.astype(np.uint16) * np.uint16(257),
     "16 bits, big-endian": lambda image: (image.astype(np.uint16) * np.uint16(257)).astype(">u2"),
     "floats in 0..1": lambda image: image / 255,
+    "integers of 64 bits": lambda image: image.astype(np.int64),
     "columns first in memory": np.asfortranarray,
     "every second of a larger array": lambda image: np.repeat(np.repeat(image, 2, 0), 2, 1)[::2, ::2],
     "a masked array that masks nothing": np.ma.masked_array,
@@ -84,9 +85,12 @@ OF_COLORS: dict[str, Callable[[Image], Any]] = {
     "find_palette": lambda image: cvtimg.find_palette(image, 5).tessellation.energy / image.size,
 }
 
-#: What is not so: an array (H, W) of floats is a table to `energy_curve`; three equal errors add up to another rounding
-#: than one, and the descent of a mosaic may end in another of its many minima, not far above or below.
-EXCEPT = {("energy_curve", "floats in 0..1", gray_picture), ("mosaic", "three equal bands", gray_picture)}
+#: What is not so: an array (H, W) that is not of 8 or 16 bits is a table to `energy_curve`; three equal errors add up to
+#: another rounding than one, and the descent of a mosaic may end in another of its many minima, not far above or below.
+EXCEPT = {
+    *(("energy_curve", form, gray_picture) for form in ("floats in 0..1", "integers of 64 bits")),
+    ("mosaic", "three equal bands", gray_picture),
+}
 
 
 def with_holes(rng: np.random.Generator) -> tuple[Image, Image]:
