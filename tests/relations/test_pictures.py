@@ -85,7 +85,7 @@ OF_COLORS: dict[str, Callable[[Image], Any]] = {
     "find_palette": lambda image: cvtimg.find_palette(image, 5).tessellation.energy / image.size,
 }
 
-#: What is not so: an array (H, W) that is not of 8 or 16 bits is a table to `energy_curve`; three equal errors add up to
+#: What is not so: an array (H, W) of other types than bytes is a table to `energy_curve`; three equal errors add up to
 #: another rounding than one, and the descent of a mosaic may end in another of its many minima, not far above or below.
 EXCEPT = {
     *(("energy_curve", form, gray_picture) for form in ("floats in 0..1", "integers of 64 bits")),
