@@ -20,7 +20,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
 from functools import cached_property
 from io import BytesIO, StringIO
 from itertools import chain, islice
@@ -55,7 +54,9 @@ _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:[, \u00a0\u202f'\u2019]\d{3})+(?:\.\
 _WITH_COMMA = re.compile(r"[-+]?(?:[1-9]\d{0,2}(?:[. \u00a0\u202f'\u2019]\d{3})+|\d*)(?:,\d*)?(?:[eE][-+]?\d+)?")
 #: A line that is no row; a color may begin one.
 _COMMENT = re.compile(r"#(?![0-9a-fA-F]{6}\b)")
-_DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}(?:[T ].*)?|\d{1,2}:\d{2}(?::\d{2}.*)?")
+_DATE = re.compile(
+    r"(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{4}-?w\d\d(?:-?\d)?|\d{8}(?=t))(?:[t ].*)?|\d{1,2}:\d{2}(?::\d{2}.*)?"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,7 +358,7 @@ class _Text(Columns):
             return "missing" if math.isnan(float(plain)) else "number"
         if _GROUPED.fullmatch(plain) or (re.search(r"\d", plain) and _WITH_COMMA.fullmatch(plain)):
             return "number"
-        return "date" if _DATE.fullmatch(plain) or _is_iso(plain) else "truth" if plain in _TRUTHS else "text"
+        return "date" if _DATE.fullmatch(plain) else "truth" if plain in _TRUTHS else "text"
 
     def _number(self, text: str, *, nan_for_text: bool = False) -> float:
         plain = text.strip().replace("\u2212", "-")  # a minus of typesetters
@@ -433,12 +434,6 @@ def _told_delimiter(lines: Sequence[str]) -> str:
                 if delimiter == "," and size == 2 and [len(row) for row in rows[:2]] == [1, 2]:
                     best = ";" if all(re.fullmatch(r"[-+]?\d*", part) for part in rows[1]) else ","
     return best
-
-
-def _is_iso(text: str) -> bool:
-    with suppress(ValueError):
-        return len(text) > 7 and datetime.fromisoformat(text) is not None
-    return False
 
 
 def _numbered(n_columns: int) -> list[str]:
