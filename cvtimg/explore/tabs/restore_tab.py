@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -121,9 +121,11 @@ class RestoreTab(Tab):
 
     def work(self, request: Request, outcome: Outcome | None) -> float:
         """Return megapixels of all versions, and of all passes; segments take about as long as one."""
-        result, n_passes = (outcome.values["result"] if outcome else None), 1
-        if result is None or not isinstance(result, Restoration):
-            is_clean = result is not None and not result.noisy
+        result: Any = outcome.values["result"] if outcome else None
+        n_passes = 1
+        if not isinstance(result, Restoration):
+            # The part of a draft may be clean and others not.
+            is_clean = outcome is not None and outcome.drawn is None and not result.noisy
             n_passes = 0 if is_clean else len(passes_of(request.settings["effort"], math.prod(request.size)))
         return Tab.work(self, request, outcome) * (len(_versions(request)) + n_passes)
 
