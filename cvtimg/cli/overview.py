@@ -64,6 +64,7 @@ def overview() -> str:
 class Described(NamedTuple):
     """What a command says about itself."""
 
+    name: str
     usage: str  # How it is called
     paragraphs: list[str]
     examples: list[str]
@@ -84,7 +85,7 @@ def described(verb: str) -> Described:
         panels.setdefault(panel_of(option.name) if option.words else "", []).append(option)
     inputs = panels.pop("", [])
     usage = " ".join(["cvtimg", verb, "[OPTIONS]", *(option.metavar for option in inputs)])
-    return Described(usage, paragraphs, module.EXAMPLES.rstrip().splitlines(), inputs, panels)
+    return Described(verb, usage, paragraphs, module.EXAMPLES.rstrip().splitlines(), inputs, panels)
 
 
 def recorded(options: Iterable[Option]) -> dict[str, str]:
