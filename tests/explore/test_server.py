@@ -413,18 +413,6 @@ def test_a_file_that_is_no_image_is_told_by_its_name(page: TestClient) -> None:
     assert "cvtimg mesh 'a coast.geojson' -o" in answer.text
 
 
-def test_a_picture_that_is_opened_again_is_no_longer_the_oldest(
-    page: TestClient, server: Server, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(store, "_MOST_PICTURES", 2)
-    (tmp_path / "a.png").write_bytes(png(np.zeros((4, 5))))
-    given = server.store.picture(server.store.key_of(tmp_path / "a.png"))
-    opened(page, png(np.zeros((4, 5))))
-    assert server.store.picture(server.store.key_of(tmp_path / "a.png")) is given
-    opened(page, png(np.zeros((4, 5))))
-    assert request(page, given.key).about["facts"]["k"] == 1
-
-
 # What is answered
 
 
