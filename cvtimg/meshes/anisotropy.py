@@ -120,11 +120,8 @@ class HuangMetric:
 
     def __call__(self, points: Points) -> Floats:
         """Return metrics (M, 2, 2) at (M, 2) points, but for a factor."""
-        regular = self._regular(self._absolute(points))
+        regular = self._absolute(points) / self._alpha + np.array([1.0, 0.0, 1.0])
         return _as_matrices(regular * _determinants(regular)[:, None] ** (-1 / 6))
-
-    def _regular(self, absolute: Points) -> Points:
-        return absolute / self._alpha + np.array([1.0, 0.0, 1.0])
 
     def _absolute(self, points: Points) -> Points:
         """Hessians (M, 3) with positive eigenvalues."""

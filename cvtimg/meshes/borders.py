@@ -193,7 +193,8 @@ def _crowded(borders: Borders, lengths: Floats, chains: _Chains, nearness: float
     (a, b), (c, d) = edges[first].T, edges[second].T
     apart = (a != c) & (a != d) & (b != c) & (b != d)
     first, second = first[apart], second[apart]
-    crosses = _cross(*points[edges[first]].transpose(1, 0, 2), *points[edges[second]].transpose(1, 0, 2))
+    (a, b), (c, d) = points[edges[first]].transpose(1, 0, 2), points[edges[second]].transpose(1, 0, 2)
+    crosses = (cross(b - a, c - a) * cross(b - a, d - a) < 0) & (cross(d - c, a - c) * cross(d - c, b - c) < 0)
     crossed[first[crosses]] = crossed[second[crosses]] = True
     _, which, counts = unique_edges(edges)
     crossed |= counts[which] > 1
@@ -243,11 +244,6 @@ def _narrowing(borders: Borders, outline: Outline) -> Bools:
     both = np.append(order[is_sharp], after[is_sharp])
     narrowing[edge[both]] = np.abs(np.angle(chord[both] / way[both])) > _CUT
     return narrowing
-
-
-def _cross(a: Points, b: Points, c: Points, d: Points) -> Bools:
-    """Tell which edges from a to b cross those from c to d, all (P, 2), other than at their ends."""
-    return np.asarray((cross(b - a, c - a) * cross(b - a, d - a) < 0) & (cross(d - c, a - c) * cross(d - c, b - c) < 0))
 
 
 def _meet_sharply(

@@ -41,7 +41,9 @@ def mend(
     best, least, since = mesh, _badness(mesh, how.small), 0
     for _ in each(range(how.rounds)):
         ends = mesh.border_edges()
-        dropped = _needless(mesh, how.small)
+        # Vertices inside that divide the angles of one triangle, which is better without them.
+        n_around = np.bincount(mesh.triangles.ravel(), minlength=len(mesh.points))
+        dropped = (mesh.fixed == FREE) & (n_around == 3) & mesh.has_angles_below(how.small)
         split, added, radii = _refined(mesh, how, ends, shortest, dropped)
         a, b = mesh.points[ends[split]].transpose(1, 0, 2)
         places = np.concatenate([(a + b) / 2, added])
@@ -69,12 +71,6 @@ def _badness(mesh: PlaneTriangulation, small: float) -> float:
     """Sum the degrees by which least angles are too small."""
     angles = measure_triangles(mesh.points, mesh.triangles).least_angles
     return float(np.maximum(small - angles, 0).sum())
-
-
-def _needless(mesh: PlaneTriangulation, small: float) -> Bools:
-    """Tell which vertices (N,) inside divide the angles of one triangle, which is better without them."""
-    n_around = np.bincount(mesh.triangles.ravel(), minlength=len(mesh.points))
-    return (mesh.fixed == FREE) & (n_around == 3) & mesh.has_angles_below(small)
 
 
 def _refined(

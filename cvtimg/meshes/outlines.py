@@ -196,7 +196,8 @@ def _pieces_beside(lines: Sequence[Points], pieces: Ints) -> Indices:
 
 def _cut_contour(line: Points, tolerance: float) -> list[Points]:
     """Cut a contour at its corners, or, if it must stay where it is, at all turns."""
-    dense = _densified(line)
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    dense = divided_steps(line, np.maximum(np.rint(lengths), 1).astype(np.intp))[0]  # points about a pixel apart
     is_closed = bool((line[0] == line[-1]).all())
     n = len(dense) - 1
     reach = min(SMOOTHING.reach, max(n // 3, 1)) if tolerance else 1
@@ -224,12 +225,6 @@ def turns_of(before: Points, at: Points, after: Points) -> Floats:
 def cross(a: Points, b: Points) -> Floats:
     """Cross products (N,) of vectors (N, 2)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
-def _densified(line: Points) -> Points:
-    """Add points to a line so that they are about a pixel apart, at most."""
-    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    return divided_steps(line, np.maximum(np.rint(lengths), 1).astype(np.intp))[0]
 
 
 def divided(n_parts: Indices) -> tuple[Indices, Indices]:

@@ -16,8 +16,6 @@ from cvtimg.meshes.quadratic import QuadraticTriangles
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.triangulation import Borders
 
-#: Along which axes regions may be periodic.
-PERIODS = ("x", "y", "xy")
 #: Times that a mesh is made until no side is divided but its copy.
 _ROUNDS = 8
 
@@ -46,7 +44,7 @@ def periodic_mesh(
     ValueError
         If sides are no copies; the message names a line that has none.
     """
-    check_choice("periodic", periodic, PERIODS)
+    check_choice("periodic", periodic, ("x", "y", "xy"))
     exact, twins = _outline_with_twins(outline, periodic)
     sides, chains = _with_chords(exact, twins, plan(exact))
     steps, near = np.unique([twin.step for twin in twins], axis=0), ON_LINE * outline.diameter

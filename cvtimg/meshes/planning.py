@@ -175,18 +175,14 @@ def _placed(
     field = field.limited(grade, least)
     borders, field = place_on_borders(outline, field, grade, least, most, on_curves, nearness)
     if len(alone):
-        borders, field = _with_alone(borders, field, alone, grade)
+        from scipy.spatial import cKDTree
+
+        # Sizes around fixed points that are on no border are no larger than their distances.
+        points = np.concatenate([borders.points, alone])
+        gaps = cKDTree(points).query(alone, 2)[0][:, 1]
+        corners = np.append(borders.corners, np.ones(len(alone), bool))
+        borders, field = replace(borders, points=points, corners=corners), field.lowered(alone, gaps, grade)
     return Plan(borders, field)
-
-
-def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> tuple[Borders, Field]:
-    """Add fixed points that are on no border; sizes around them are no larger than their distances."""
-    from scipy.spatial import cKDTree
-
-    points = np.concatenate([borders.points, alone])
-    gaps = cKDTree(points).query(alone, 2)[0][:, 1]
-    corners = np.append(borders.corners, np.ones(len(alone), bool))
-    return replace(borders, points=points, corners=corners), field.lowered(alone, gaps, grade)
 
 
 def _check_fits(outline: Outline, wanted: Wanted, n_least: int) -> None:

@@ -56,7 +56,8 @@ def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: in
     rested = False
     while len(energies) <= most and not rested:
         before, pulls = mesh.points.copy(), at.masses(at.steps)
-        mesh.move(_capped(memory.step(pulls, at.to_lloyd), at.sizes))
+        steps, longest = memory.step(pulls, at.to_lloyd), _LONGEST * at.sizes
+        mesh.move(steps * (longest / np.maximum(_lengths(steps), longest))[:, None])
         there = _state(mesh, metric, isotropic)
         if len(memory) and there.energy > at.energy * (1 + _RISE):
             memory.clear()  # a rise is small, and the way goes on from there
@@ -93,12 +94,6 @@ def _longest(values: Points) -> Floats:
     xx, xy, yy = values.T
     half, apart = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     return 1 / np.sqrt(np.maximum((xx * yy - xy * xy) / (half + apart), 1e-300))
-
-
-def _capped(steps: Points, sizes: Floats) -> Points:
-    """Shorten steps that are longer than vertices may move at once."""
-    longest = _LONGEST * sizes
-    return steps * (longest / np.maximum(_lengths(steps), longest))[:, None]
 
 
 def _lengths(steps: Points) -> Floats:

@@ -161,7 +161,10 @@ def _filled(grid: _Lattice) -> tuple[Filling, Indices]:
     made, labels = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     used, made = np.unique(made, return_inverse=True)
     places = np.concatenate([points, on_edges, inner_points])[used]
-    return Filling(places, _oriented(places, made.reshape(-1, 4)), labels), used
+    cells = made.reshape(-1, 4)
+    turned = volumes(places, cells) < 0
+    cells[turned] = cells[turned][:, [0, 2, 1, 3]]
+    return Filling(places, cells, labels), used
 
 
 def _starred(
@@ -301,13 +304,6 @@ def _cut(
     labels = np.concatenate([labels[n_inside == 1], *[labels[n_inside == 2]] * 3, *[labels[n_inside == 3]] * 3])
     proper = (np.diff(np.sort(pieces, axis=1), axis=1) > 0).all(axis=1)
     return pieces[proper], labels[proper]
-
-
-def _oriented(points: Points, cells: Cells) -> Cells:
-    """Turn all tetrahedra so that their volumes are positive."""
-    turned = volumes(points, cells) < 0
-    cells[turned] = cells[turned][:, [0, 2, 1, 3]]
-    return cells
 
 
 def volumes(points: Points, cells: NDArray[np.integer]) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -164,7 +164,9 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
         # Cells that do not touch the inside stay as they are.
         unknown = np.flatnonzero(small & ~is_whole)
         if len(unknown):
-            crossed = _crossed(lines, origin + cells[unknown] * step, step)
+            x, y = (origin + cells[unknown] * step).T
+            crossed = np.zeros(len(unknown), bool)
+            crossed[lines.query(shapely.box(x, y, x + step, y + step), predicate="intersects")[0]] = True
             inside = outline.contains(origin + (cells[unknown] + 0.5) * step)
             small[unknown], is_whole[unknown] = crossed | inside, inside & ~crossed
         divided = small | np.isin(cells @ np.array([1 << 32, 1]), fine @ np.array([1 << 32, 1]))
@@ -186,14 +188,6 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     unit = side / (1 << LAST_LEVEL)
     centers = origin + corners * unit + sides[:, None] / 2
     return Cells(centers, sides, outline.contains(centers), origin + unique * unit, outline.contains)
-
-
-def _crossed(lines: Any, corners: Points, side: float) -> Bools:
-    """Tell which squares (C,) meet lines, which are in a tree of shapely."""
-    x, y = corners.T
-    crossed = np.zeros(len(corners), bool)
-    crossed[lines.query(shapely.box(x, y, x + side, y + side), predicate="intersects")[0]] = True
-    return crossed
 
 
 def _least_around(sizes: Sizes, corners: Points, side: float) -> Floats:

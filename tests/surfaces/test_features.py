@@ -108,7 +108,6 @@ def test_three_sheets_meet_in_one_curve() -> None:
     heights = found.points[edges[counts == 3]][:, :, 2]
     assert np.abs(np.diff(heights, axis=1)).sum() == pytest.approx(1)
     assert area(found) == pytest.approx(measure_triangles(points, faces).areas.sum())
-    assert len(found.points) == 150
 
 
 @pytest.mark.slow
