@@ -384,7 +384,7 @@ def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> l
     numbers = sorted({*(round(2 ** (n / 4)) for n in range(4, 33)), palettes.most})
     numbers = numbers[: numbers.index(palettes.most) + 1]
     best = palettes.unmixed(source, palettes.most)
-    if best.content_quality < least or source.size(best) > 2 * source.size(mixed):
+    if best.content_quality < least or source.size(best) > 3 * source.size(mixed):
         return []
     at = bisect_left(numbers[:-1], True, key=lambda n: palettes.unmixed(source, n).content_quality >= least)
     fewest = palettes.unmixed(source, numbers[at])
@@ -441,8 +441,8 @@ class _Search:
             if self._given and max(map(self._seen, self._whole)) < least:
                 self._mapped(self._settings[-1])
         misses = {setting: self._seen(setting) - least for setting in self._whole}
-        # The one nearest to the quality, of those that reach it if so.
-        return self._trials[min(misses, key=lambda setting: (misses[setting] < 0, abs(misses[setting])))].result
+        # The one nearest to the quality, of those that reach it if so; without a target, nearly.
+        return self._trials[min(misses, key=lambda some: (misses[some] < -most_below, abs(misses[some])))].result
 
     def least(self) -> float:
         """Return the least quality to reach: the given or the usual one, or what is `below_best` under the best."""
