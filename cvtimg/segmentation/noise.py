@@ -57,8 +57,10 @@ def noise_of_rows(read: Callable[[int, int], tuple[Array, Bools | None]], shape:
     first, last = (int(share * len(order)) for share in _QUIET)
     if last == first:
         return np.asarray(covariances.mean(axis=0))
-    variation = np.sqrt(2 * _PIXELS_THAT_COUNT / (height * width * n_dims))
-    return np.asarray(covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * variation))
+    mean = covariances[order[first:last]].mean(axis=0)
+    n_noisy = max(np.count_nonzero(np.diagonal(mean)), 1)  # an empty band makes blocks no more alike
+    variation = np.sqrt(2 * _PIXELS_THAT_COUNT / (height * width * n_noisy))
+    return np.asarray(mean / (1 - _LESS_IN_QUIET * variation))
 
 
 def _block_covariances(values: Array, inside: Bools | None) -> Floats:

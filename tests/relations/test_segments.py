@@ -127,7 +127,6 @@ RELATIONS = [
         Relation("segment", f"{name}, {inputs.__name__}", inputs, result, change, follows, rival=rival, **_TOLD)
         for inputs in _PICTURES
         for name, result, change, follows, rival in _CHANGES
-        if (name, inputs) != ("empty bands", noisy_picture)  # they change what noise is taken to be
     ),
     *(
         Relation(
