@@ -58,7 +58,7 @@ def noise_of_rows(read: Callable[[int, int], tuple[Array, Bools | None]], shape:
     if last == first:
         return np.asarray(covariances.mean(axis=0))
     mean = covariances[order[first:last]].mean(axis=0)
-    n_noisy = max(np.count_nonzero(np.diagonal(mean)), 1)  # an empty band makes blocks no more alike
+    n_noisy = max(int(np.count_nonzero(np.diagonal(mean))), 1)  # an empty band makes blocks no more alike
     variation = np.sqrt(2 * _PIXELS_THAT_COUNT / (height * width * n_noisy))
     return np.asarray(mean / (1 - _LESS_IN_QUIET * variation))
 

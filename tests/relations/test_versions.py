@@ -193,20 +193,20 @@ RELATIONS = [
         "denoise", "a dark frame", spoiled(2), error_either_way, with_dark, close(0.01), LATER, "sums are rounded"
     ),
     beside("denoise", "16 bits", ONE, restored, as_shorts, close(0, 2.0), SINCE, "8 bits are rounded"),
-    Relation("denoise", "turned", ONE, error, turned, close(0.03), LATER, "other patches are alike"),
+    Relation("denoise", "turned", ONE, error, turned, close(0.15), LATER, "evidence of shared noise steps"),
     Relation(
-        "restore",
-        "few pixels, turned",
-        of_few_pixels,
-        error_either_way,
-        turned,
-        close(0.05),
-        LATER,
-        "means are rounded",
+        "restore", "few pixels, turned", of_few_pixels, error_either_way, turned, close(0.1), LATER, "means are rounded"
     ),
     beside("restore", "few pixels: themselves", of_few_pixels, error_either_way, error_of_mean, not_above(1.05)),
     Relation(
-        "denoise", "a hot pixel", ONE, error_of_floats, each(with_hot_pixel), close(0.3), LATER, "passes fill it first"
+        "denoise",
+        "a hot pixel",
+        ONE,
+        error_of_floats,
+        each(with_hot_pixel),
+        close(0.5),
+        LATER,
+        "evidence of shared noise steps",
     ),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
     Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, but_for_ties, LATER),
