@@ -6,8 +6,6 @@ basis over that to the mean of the others. The file has 10,000 snapshots of 18,4
     python benchmarks/bases.py [--quick] [--parts flows large]
 """
 
-from __future__ import annotations
-
 import argparse
 import resource
 import tempfile

@@ -8,8 +8,6 @@ read PNG and write PNG. Rounds take turns; medians are shown. Energies are those
     python benchmarks/batch.py --pictures 24 --rounds 1 --jobs 8  # processor seconds of many jobs, beside those of one
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import shutil

@@ -12,8 +12,6 @@ then in proportion. Each cluster is started anew, with one thread per worker.
     python benchmarks/clusters.py --quick
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import shutil

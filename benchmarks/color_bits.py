@@ -7,8 +7,6 @@ rounded to the colors of the hardware, after which each pixel gets the nearest o
 worst, and how many of the colors are left after rounding.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -7,8 +7,6 @@ those in rgb. Nothing is dithered.
     python benchmarks/color_spaces.py [--quick] [--k 16 256] [--pictures 4]
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import time

@@ -1,7 +1,5 @@
 """What every benchmark needs: pictures, one number of threads, clocks, tables and files of results."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 import hashlib

@@ -4,8 +4,6 @@ The parameter of each is the best of several, chosen by the truth, which nobody 
 quarter of a minute for each try, so what was found for an input is kept in out/benchmarks/denoisers.json.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import time

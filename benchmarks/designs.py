@@ -7,8 +7,6 @@ basis functions at 4,096 places, of 48 functions: ridges, peaks, sums of one-dim
     python benchmarks/designs.py [--quick] [--parts measures interpolation] [--effort best]
 """
 
-from __future__ import annotations
-
 import argparse
 import random
 import time

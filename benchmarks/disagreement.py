@@ -7,8 +7,6 @@ pixels in the right segment.
     python benchmarks/disagreement.py
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial

@@ -7,8 +7,6 @@ files; and the median of the processor seconds of the whole process. Programs ta
     python benchmarks/dithering.py [--quick] [--k 16 64 256] [--pictures 4] [--rivals cvtimg pngquant]
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import shutil

@@ -1,7 +1,5 @@
 """Thirty drawings of the kinds that the web has: three of each kind, from logos on nothing to grain of some percent."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -8,8 +8,6 @@ Index of cells with the number that each rule picks, beside every fixed number.
     python benchmarks/elbow.py [--quick] [--seeds 1 2]
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 from collections.abc import Iterator

@@ -6,8 +6,6 @@ energy as samples, generators and dimensions grow.
     python benchmarks/engine.py [--quick] [--full] [--docs] [--parts curves scaling]
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import importlib.util

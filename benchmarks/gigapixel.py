@@ -8,8 +8,6 @@ in a tiled BigTIFF, compressed. Each size runs in a process of its own, whose pe
     python benchmarks/gigapixel.py --segment auto -k 4    # with edge weight; 0 for none
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -12,8 +12,6 @@ no rivals; and moved by homographies.
     python benchmarks/handheld.py [--quick] FOLDER
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path

@@ -8,8 +8,6 @@ are comparable here and not with published figures.
     python benchmarks/hierarchy.py [--quick] [--parts regions edges chances] [--set bsds bsds_train]
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import sys
@@ -18,7 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 from unittest.mock import patch
 
 import numpy as np
@@ -178,7 +176,7 @@ class Watched:
     n_drawn: int  # pixels, of all people, also those without a border near them
 
     @classmethod
-    def of(cls, picture: Divided, asked: tuple[Any, ...]) -> Watched:
+    def of(cls, picture: Divided, asked: tuple[Any, ...]) -> Self:
         """Compare the borders with what people drew."""
         borders, _, inside = asked
         off = SETTINGS.drawing_accuracy * np.hypot(*inside.shape)

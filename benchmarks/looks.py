@@ -13,8 +13,6 @@ gifsicle, also lossy ones; the part sheet writes parts of the pictures three tim
     python benchmarks/looks.py [--quick] [--parts png] [--k 48 256] [--pictures 4] [--rivals pngquant Pillow]
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

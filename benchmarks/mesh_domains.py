@@ -1,7 +1,5 @@
 """The domains that meshes are compared on: those of the comparison of 2009, and an ocean with a coast and islands."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

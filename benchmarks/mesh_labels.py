@@ -1,7 +1,5 @@
 """Images of labels that are meshed, and what is measured of their meshes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """Outlines of maps as they are: polygons of Natural Earth (public domain), as the npm package world-atlas has them."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable

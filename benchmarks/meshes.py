@@ -8,8 +8,6 @@ worst piece is off. For outlines of maps as they are, prints angles beside both 
     python benchmarks/meshes.py [--quick] [--only ocean,domains,labels,outlines] [--starts N]
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

@@ -8,8 +8,6 @@ the best for each. It is told which objects are dark. Then errors of counts on 3
     python benchmarks/objects.py [--seed N]
 """
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 from itertools import product

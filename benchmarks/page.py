@@ -6,8 +6,6 @@ Each move is an input event on the slider; its time ends when the browser has pa
 processors of this machine. Needs Playwright and Chromium (CHROMIUM names another).
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

@@ -7,8 +7,6 @@ generators; and how far centroids are from those of exact polygons.
     python benchmarks/plane.py [--quick] [--parts passes descents centroids million]
 """
 
-from __future__ import annotations
-
 import argparse
 import resource
 import time

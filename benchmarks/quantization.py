@@ -7,8 +7,6 @@ take turns on each picture, in one run and in both orders, so that a noisy momen
     python benchmarks/quantization.py [--quick] [--k 16 256] [--rivals imagequant faiss] [--heavy 99]
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import sys

@@ -8,8 +8,6 @@ With --only '', the claims are those of the last runs. Name a command that was i
 installed in place looks for changed sources first.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -11,8 +11,6 @@ with 30 % holes each, and from a single complete one, at several noises. BM3D is
 not free software, is installed. Of the pictures of Kodak, parameters were chosen on kodim03, kodim05 and kodim19 only.
 """
 
-from __future__ import annotations
-
 import statistics
 import sys
 import time

@@ -6,8 +6,6 @@ decoding, encoding and the change of container are not. Programs that only come 
 processes, with the reading and the writing of a file. Nobody dithers.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 import importlib.metadata

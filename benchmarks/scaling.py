@@ -9,8 +9,6 @@ seconds and processor seconds for several numbers of threads, also of rivals.
     python benchmarks/scaling.py [--quick] [--parts virtual threads] [--verbs quantize ...]
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import json

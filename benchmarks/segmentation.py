@@ -6,8 +6,6 @@ pictures, if they are there; energies beside those of expansion over pixels; sup
     python benchmarks/segmentation.py [--quick] [--parts noise bsds energy cells]
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.metadata
 import importlib.util

@@ -5,8 +5,6 @@ The foreground and the objects are compared with their truth. Only the number of
     python benchmarks/segmentation_scenes.py
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 from collections.abc import Callable, Iterator

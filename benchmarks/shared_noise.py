@@ -10,8 +10,6 @@ between generalized Anscombe transforms, too.
     python benchmarks/shared_noise.py [--quick] [--case white] FOLDER
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from importlib import import_module

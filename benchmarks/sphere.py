@@ -7,8 +7,6 @@ ones; and grids along coasts, of the package global-land-mask or of a mask.
     python benchmarks/sphere.py [--quick] [--parts uniform refined nested coast] [--land MASK.npy]
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import time

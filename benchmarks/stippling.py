@@ -6,8 +6,6 @@ and processor seconds; the length and seconds of tours; and the PSNR of mosaics 
     python benchmarks/stippling.py [--quick] [--parts stippling tours mosaics]
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from functools import partial

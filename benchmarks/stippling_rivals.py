@@ -6,8 +6,6 @@ d3-delaunay runs in Node.js: `npm install --prefix DIR d3-delaunay`, and give DI
 over the same density; times are processor seconds from the density to the points.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.metadata
 import json

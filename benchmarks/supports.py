@@ -6,8 +6,6 @@ method that are not zero. Uniform points, and points with the density exp(-3 |x|
     python benchmarks/supports.py [--quick]
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from typing import Any

@@ -14,8 +14,6 @@ With --scans FOLDER, its surfaces get what scanners leave: noise, or doubled fac
     python benchmarks/surfaces.py [--quick] [--effort best] [--only cube gear] [--scans FOLDER]
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

@@ -10,8 +10,6 @@ more generators.
 Rivals that cannot be imported are left out; `hgmeans`, which is HG-means, is built from its source.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

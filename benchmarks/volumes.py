@@ -8,8 +8,6 @@ that are not installed are left out.
     python benchmarks/volumes.py [--quick] [--only cvtimg tetgen ftetwild cgal]
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib.util
 import resource

@@ -10,8 +10,6 @@ Name a cvtimg that was installed from a wheel by --cvtimg: one installed in plac
     python benchmarks/whole_process.py [--quick] [--rounds 5] [--k 256] [--dither] [--cvtimg PATH]
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import statistics

@@ -1,7 +1,5 @@
 """What several tests look at."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

@@ -1,7 +1,5 @@
 """The script of the sample images that damages pictures, and pictures to damage, for the tests of restoration."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

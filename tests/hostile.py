@@ -4,8 +4,6 @@ Every file goes through ``cvtimg info`` and ``cvtimg quantize`` in this process.
 error of one line: no traceback, no warning, no crash, no hang, and no file left over.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Images that several tests look at: one of each kind of sample."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Image files made for tests: PNG by hand, color profiles, and what Pillow saves."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from pathlib import Path

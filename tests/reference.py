@@ -1,7 +1,5 @@
 """Plain NumPy oracles: slow, short and obviously right."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

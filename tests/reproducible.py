@@ -3,8 +3,6 @@
 Run it elsewhere, for example by ``.ci/arm64 run FOLDER tests/reproducible.py``, and compare.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The checkout works as people use it: Python started in its root imports it, compiled code and all."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tables of docs/coming_from.md for users of pngquant, Fiji and Gmsh: each command does what theirs does."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """What the pages show is what happens: their Python lines, their commands, the options and files that they name."""
 
-from __future__ import annotations
-
 import contextlib
 import doctest
 import io

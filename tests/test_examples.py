@@ -1,7 +1,5 @@
 """The examples run, and come to what they say."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

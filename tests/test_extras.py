@@ -1,7 +1,5 @@
 """cvtimg works without its optional dependencies; what needs one says how to install it."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

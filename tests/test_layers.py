@@ -1,7 +1,5 @@
 """The layout is the architecture: a package is one subject and imports only packages below it."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 from graphlib import TopologicalSorter

@@ -1,7 +1,5 @@
 """Messages name the argument that people gave, and say what to do; no internals leak."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The notebook of each tutorial runs from its first cell to its last, and shows what comes of it."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import sys

@@ -1,7 +1,5 @@
 """What is registered works everywhere: a new color space, method or palette format needs one file and one line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """What the site and the release are made from: gallery scripts, manual pages, the version and its citation."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import re

@@ -1,7 +1,5 @@
 """A page in the browser, and what it saves, for the tests of the page and its benchmark."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -10,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 #: Seconds that anything on the page may take; machines that run tests are busy.
 PATIENCE = 60.0
@@ -62,7 +60,7 @@ class Visit:
         self.settled()
         return str(self.page.inner_text("#command"))
 
-    def at(self, address: str) -> Visit:
+    def at(self, address: str) -> Self:
         """Open the page."""
         self.page.goto(address)
         self.until("document.body.dataset.ready === 'true'")

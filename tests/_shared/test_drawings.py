@@ -1,7 +1,5 @@
 """Results of physical space show themselves in notebooks."""
 
-from __future__ import annotations
-
 from io import BytesIO
 from typing import Any
 

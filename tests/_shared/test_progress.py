@@ -1,7 +1,5 @@
 """How far computations are: what is told within parts, and by the verbs that take long."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Results that contradict themselves are no results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

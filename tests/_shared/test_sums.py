@@ -1,7 +1,5 @@
 """Sums by label."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A Dask cluster does the same work to the same bits, and a lost worker costs nothing but time."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,7 +1,5 @@
 """Files elsewhere are read and written where the work is, whole or not at all."""
 
-from __future__ import annotations
-
 import functools
 import http.server
 import shutil

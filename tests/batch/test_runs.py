@@ -1,7 +1,5 @@
 """A batch finds its inputs, loses nothing, goes on after what fails, and is the same however many work at it."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Samples in blocks give what samples in memory give, whoever works on the blocks, and say which block is wrong."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One worker or two, in whatever order they end, and even when one is killed: the bits are the same."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -1,7 +1,5 @@
 """``cvtimg quantize`` keeps an animation one, and what a file says beside its pixels if asked."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

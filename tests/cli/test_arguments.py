@@ -1,7 +1,5 @@
 """Options that say which argument of the Python function they are arrive there as it takes them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields, is_dataclass
 from inspect import signature

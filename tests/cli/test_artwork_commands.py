@@ -1,7 +1,5 @@
 """``cvtimg stipple`` and ``cvtimg mosaic``: images to dots and tiles."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

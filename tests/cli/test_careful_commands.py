@@ -1,7 +1,5 @@
 """Commands touch nothing that was not named, and say before what they would do."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

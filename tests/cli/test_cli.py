@@ -1,7 +1,5 @@
 """The command line does what it says, names what fails in one line, and leaves with the right status."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

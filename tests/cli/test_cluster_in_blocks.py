@@ -1,7 +1,5 @@
 """``cvtimg cluster`` on tables larger than memory: what it finds is what it finds in memory, here or by a URL."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from contextlib import AbstractContextManager

@@ -1,7 +1,5 @@
 """``cvtimg explore`` as a program: the address that it prints, whom it serves, and how it ends."""
 
-from __future__ import annotations
-
 import http.client
 import re
 import signal

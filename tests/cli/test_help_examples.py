@@ -1,7 +1,5 @@
 """Every example in the help of a command runs, on small inputs of the names that it has."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

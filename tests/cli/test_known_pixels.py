@@ -1,7 +1,5 @@
 """``cvtimg quantize`` and ``segment`` with --mask, --nodata and the nodata value of a GeoTIFF."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

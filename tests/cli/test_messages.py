@@ -3,8 +3,6 @@
 What a function of Python refuses is claimed by the tests of its package: one row here shows that it becomes one line.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

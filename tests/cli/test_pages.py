@@ -1,7 +1,5 @@
 """No command loses a page: it treats all of them, or says that it takes one image."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

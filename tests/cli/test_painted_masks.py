@@ -1,7 +1,5 @@
 """Masks, labels and maps are the same however a program saves them: gray, indexed, in RGB or RGBA, with equal bands."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

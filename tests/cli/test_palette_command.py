@@ -1,7 +1,5 @@
 """``cvtimg palette`` prints the colors that a picture has, with their shares."""
 
-from __future__ import annotations
-
 import os
 import pty
 import subprocess

@@ -1,7 +1,5 @@
 """Images come and go through pipes, and many files of a folder keep what they are."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """``cvtimg quantize``: targets, palettes, locked colors, spaces, dithering, weights and depth on files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """--page and --channel-axis, and standard input that is cut short or declares too much."""
 
-from __future__ import annotations
-
 import io
 import struct
 import sys

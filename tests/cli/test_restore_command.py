@@ -1,7 +1,5 @@
 """``cvtimg restore``: what it writes, reports and refuses."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

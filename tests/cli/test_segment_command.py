@@ -1,7 +1,5 @@
 """Claims about ``cvtimg segment``: what is asked for is written, agrees with the labels, and is named."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

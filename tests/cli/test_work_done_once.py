@@ -1,7 +1,5 @@
 """Commands go a short way to the engine, and `cvtimg quantize in.png` reads, checks and counts its input once."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from collections import Counter

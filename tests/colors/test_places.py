@@ -1,7 +1,5 @@
 """Transparency: what is seen counts, what is opaque or fully transparent stays so."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

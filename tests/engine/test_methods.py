@@ -1,7 +1,5 @@
 """Methods one by one; what they have in common is in test_tessellation.py."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A server and a real browser for the tests of the page."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """The file of the page, the command that it shows, and the lines of Python: the same bytes, for each option."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The server of the page without a browser: who is let in, what is taken, and what is answered."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Tagged arrays come back as they were, and nothing else does."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Names, folders and patterns stand for the images that a shell would find."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

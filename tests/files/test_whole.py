@@ -1,7 +1,5 @@
 """A file is written whole or not at all, and replaces another only when asked."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import os

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 
 from cvtimg.halfedges import EdgeTable, boundary_edges, edges_around, unique_edges

@@ -1,7 +1,5 @@
 """Claims about pieces of labels, and labels that keep their number."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

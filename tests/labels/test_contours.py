@@ -1,7 +1,5 @@
 """Claims about borders as lines and polygons."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Claims about files for other programs: these read the same places, planes and units from them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile

@@ -1,7 +1,5 @@
 """Claims about figures of regions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

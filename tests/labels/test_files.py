@@ -1,7 +1,5 @@
 """Claims about files of segments."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Mapping by rate, against plain error diffusion and the bytes that deflate and LZW make of it."""
 
-from __future__ import annotations
-
 import zlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The measure of looks, against the package `ssimulacra2` and by what it must say."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random polygons with holes, and random labels, have a mesh of the whole, or one clear error."""
 
-from __future__ import annotations
-
 import time
 from functools import reduce
 

@@ -1,7 +1,5 @@
 """A palette file says the colors that it was given, in the words of its format, and gives them back."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

@@ -1,7 +1,5 @@
 """Axes, channels and pixel sizes are what files or people say, and what cannot be meant is one clear error."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any

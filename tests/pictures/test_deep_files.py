@@ -1,7 +1,5 @@
 """Pictures beyond 8 bits, beyond four bands and beyond integers keep every sample, in and out."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

@@ -1,7 +1,5 @@
 """An animation that was written is the one that was given: every frame, its duration, and how often all are played."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import struct

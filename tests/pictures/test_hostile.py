@@ -1,7 +1,5 @@
 """Files that were damaged, or made to harm, end in a right result or in an error of one line."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from functools import cache

@@ -1,7 +1,5 @@
 """What is kept of a file beside its pixels is true of the picture that is written, which looks as it did."""
 
-from __future__ import annotations
-
 from io import BytesIO
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Files as microscopes and ImageJ write them are read as the values that were measured."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

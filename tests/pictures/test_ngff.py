@@ -1,7 +1,5 @@
 """Claims about OME-Zarr: its pages are those of the same stack as TIFF."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

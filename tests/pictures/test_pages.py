@@ -1,7 +1,5 @@
 """Stacks of pages keep their pages, axes and physical sizes; no page is left out in silence."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Embedded color profiles are converted to sRGB, and those that do not fit are ignored."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

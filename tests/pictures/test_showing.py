@@ -1,7 +1,5 @@
 """Images of more than 8 bits are shown in the range that they fill."""
 
-from __future__ import annotations
-
 from io import BytesIO
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Images come from paths, bytes and streams; FITS and AVIF are read as what they hold; profiles can be kept."""
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Callable

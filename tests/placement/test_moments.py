@@ -1,7 +1,5 @@
 """Moments of cells against plain NumPy and SciPy."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Placement in pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree

@@ -1,7 +1,5 @@
 """Placement in regions of every kind."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Regions of every kind, by what all of them promise, and each against what is known of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Claims about sheets, and about edges over images."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from io import BytesIO
 from typing import Any

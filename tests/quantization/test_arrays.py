@@ -1,7 +1,5 @@
 """Arrays of any kind: bands and alpha, masks, types with their own white, and objects that hold arrays."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

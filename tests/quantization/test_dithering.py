@@ -1,7 +1,5 @@
 """Dithering: exact nearest entries, means that are kept, and nothing that depends on threads or on chance."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`quantize_file` picks the way that suits a file; frames have targets, and indexed images keep their palettes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

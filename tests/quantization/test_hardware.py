@@ -1,7 +1,5 @@
 """Palettes of colors that hardware with few bits per channel can show."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

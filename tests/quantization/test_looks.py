@@ -1,7 +1,5 @@
 """Images for eyes: small files of the same look."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

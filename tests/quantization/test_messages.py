@@ -1,7 +1,5 @@
 """Images that cannot be quantized as they are asked to be, and palettes that cannot be had, are refused by name."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Palettes of samples: locked colors, weights, spaces, several pictures."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Any
 

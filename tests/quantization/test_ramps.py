@@ -1,7 +1,5 @@
 """Palettes whose colors stand for tones: images mapped by their lightness."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A shared palette is that of all pixels together, whoever counts them in whatever order."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

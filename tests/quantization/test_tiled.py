@@ -1,7 +1,5 @@
 """By tiles a picture becomes what it becomes in one piece, whatever way its file is cut."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

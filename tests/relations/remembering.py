@@ -1,7 +1,5 @@
 """Results that are computed once for each input, as many relations begin with the same; or in two ways from one."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from functools import wraps

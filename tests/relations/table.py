@@ -1,7 +1,5 @@
 """The table of all relations, as docs/reliability.md shows it; run by itself, this writes it there."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections import defaultdict

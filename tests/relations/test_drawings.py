@@ -1,7 +1,5 @@
 """Relations of stipples and mosaics: dots in the frame, and changes of the picture that nobody can see."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What must not change when a run is ended and resumed, or when its files are those of another run."""
 
-from __future__ import annotations
-
 import csv
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Relations of trees of regions and of the edges that people draw: changes of the picture that must not matter."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What must not change in counts when a picture of objects gets a frame, other values or another form."""
 
-from __future__ import annotations
-
 import numpy as np
 from relations.relation import Relation, close, equal, quick_and_wide
 from relations.remembering import beside, remembered

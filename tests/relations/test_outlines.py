@@ -1,7 +1,5 @@
 """What must not change in a mesh when an outline comes as people have it: doubled points, cracks, another start."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Callable

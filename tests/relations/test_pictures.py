@@ -1,7 +1,5 @@
 """What must not change when a picture comes in another form: type, byte order, layout in memory, bands, alpha."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """No verb is worse than what anybody would do without it: blocks, random points, Pillow's palettes, one start."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

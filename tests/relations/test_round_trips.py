@@ -1,7 +1,5 @@
 """What is written is what is read: pictures, labels, palettes and contours; outputs are inputs that change no more."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from functools import partial

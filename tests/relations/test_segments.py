@@ -1,7 +1,5 @@
 """Segments of an image that is held in another way, lies in a wider frame, or has other values of the same kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What must not change in small files for eyes: by hidden colors, containers, canvases, and by being made twice."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from contextlib import redirect_stdout

@@ -1,7 +1,5 @@
 """What must not change when a surface comes as scanners and programs write it: soups, doubled and flipped faces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from reference import cube

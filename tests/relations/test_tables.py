@@ -1,7 +1,5 @@
 """What must not change when a table comes in another container, another notation, or in another order of columns."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import lzma

@@ -1,7 +1,5 @@
 """Points, meshes and bases do not depend on units, axes or the order of what they are made from."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Relations of restoration: bands repeated, permuted and empty, frames of one color, types; and trivial rivals."""
 
-from __future__ import annotations
-
 import warnings
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Claims about versions that disagree: what was added to one, and what hides an object."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

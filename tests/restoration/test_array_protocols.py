@@ -1,7 +1,5 @@
 """Verbs take what exports an array: DLPack alone, as tensors do, and xarray."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Claims about impulses and stripes: found where they are, and nowhere else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from conftest import SAMPLES

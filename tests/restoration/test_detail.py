@@ -1,7 +1,5 @@
 """Claims about photographs restored by their patches."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Versions that cannot be laid over each other are told, and left out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

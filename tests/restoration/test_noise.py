@@ -1,7 +1,5 @@
 """Claims about the noise of versions: its level, how it follows that of the picture, and what pixels share of it."""
 
-from __future__ import annotations
-
 import io
 import warnings
 from pathlib import Path

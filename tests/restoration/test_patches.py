@@ -1,7 +1,5 @@
 """Claims about patches in groups, and the filter of each group."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from reference import at_threads

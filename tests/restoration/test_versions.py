@@ -1,7 +1,5 @@
 """Claims about versions side by side: what is known of each, and its weight."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

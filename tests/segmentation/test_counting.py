@@ -1,7 +1,5 @@
 """Objects are counted without settings, whatever their size, light, noise and polarity."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

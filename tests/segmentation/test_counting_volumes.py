@@ -1,7 +1,5 @@
 """Claims about objects in volumes."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Labels changed by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Regions that move as a whole: cuts are least, energies those of the labels, and what stays is what describes best."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Segments by strips are those of the picture in one piece, edges and all."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

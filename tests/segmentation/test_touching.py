@@ -1,7 +1,5 @@
 """Claims about objects: touching ones are split, and the background is none of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from images import discs

@@ -1,7 +1,5 @@
 """Grids without land, and limited areas: what stays, and what touches what there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

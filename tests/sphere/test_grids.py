@@ -1,7 +1,5 @@
 """Grids of the sphere by their properties."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Grids, parts and widths that cannot be are refused by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Nested grids: what is outside stays, bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from reference import sets_of

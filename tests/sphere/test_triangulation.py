@@ -1,7 +1,5 @@
 """Delaunay triangulations of the sphere."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

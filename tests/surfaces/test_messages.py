@@ -1,7 +1,5 @@
 """What is no surface, and points that it cannot have, are refused by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The estimator is what scikit-learn expects, over the same engine."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

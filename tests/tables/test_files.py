@@ -1,7 +1,5 @@
 """Tables are read as they are meant, and what is wrong in them is named with its place."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

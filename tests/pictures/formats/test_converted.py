@@ -1,7 +1,5 @@
 """Claims about raw files of cameras."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

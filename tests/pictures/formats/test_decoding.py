@@ -1,7 +1,5 @@
 """Each kind of pixel becomes a gray, RGB or RGBA array with its values, upright."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Images come back as they were written, or the suffix is refused with the reason."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from io import BytesIO

@@ -1,7 +1,5 @@
 """A file that cannot be read is named with the reason, and warnings stay where they belong."""
 
-from __future__ import annotations
-
 import os
 import re
 import struct

@@ -1,7 +1,5 @@
 """What chunks of a PNG say: colors by gAMA, cHRM and cICP become sRGB, and damaged chunks are left out."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from io import BytesIO
