@@ -87,9 +87,11 @@ def _impulses(bands: Floats32, known: Bools) -> Bools | None:
         low = np.min(around, axis=0, initial=np.inf, where=is_between)
         high = np.max(around, axis=0, initial=-np.inf, where=is_between)
         same = ((around == level).sum(axis=0, dtype=np.uint8) for level in (black, white))
-        return low, high, is_between.sum(axis=0) >= _BETWEEN, np.isfinite(around).all(axis=0), *same
+        return low, high, is_between.sum(axis=0) >= _BETWEEN, np.isfinite(around).sum(axis=0), *same
 
-    low, high, judged, is_whole, *n_same = _of_neighbors(surroundings, bands)
+    low, high, judged, n_known, *n_same = _of_neighbors(surroundings, bands)
+    down, right = (3 - (np.arange(side) == 0) - (np.arange(side) == side - 1) for side in known.shape)
+    n_within = np.multiply.outer(down, right) - 1  # neighbors within the image
     apart = np.where(judged, np.maximum(bands - high, low - bands), np.float32(-1))
     around_by = np.maximum(high - low, (white - black) / np.float32(256))
     inside = judged & ~ends[0] & ~ends[1]
@@ -102,11 +104,12 @@ def _impulses(bands: Floats32, known: Bools) -> Bools | None:
         return None
     least = 1.5 * quiet  # three of them
     # Where noise is cut off at the other end, that is what is around.
+    is_whole = n_known == n_within[:, :, None]
     apart = np.where(judged, apart, np.abs(bands - np.where(ends[0], white, black)) * is_whole)
     for end, around, n in zip(ends, n_same, counts, strict=True):
         # More neighbors at the same end than chance puts there: what is there is true.
-        share = min(2 * n / end.size, 0.5)
-        hits |= (end & (around <= binom.isf(_CHANCE, 8, share)) & (apart > least) & (n > 0)).any(axis=2)
+        by_chance = binom.isf(_CHANCE, np.arange(9), min(2 * n / end.size, 0.5))[n_within]
+        hits |= (end & (around <= by_chance[:, :, None]) & (apart > least) & (n > 0)).any(axis=2)
     return hits
 
 

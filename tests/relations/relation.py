@@ -12,6 +12,8 @@ a module ``test_SUBJECT.py`` here with its table of relations::
 The first test tries an input, always; the second draws many by Hypothesis, in the slow run.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -193,7 +193,14 @@ RELATIONS = [
     beside("denoise", "16 bits", ONE, restored, as_shorts, close(0, 2.0), SINCE, "8 bits are rounded"),
     Relation("denoise", "turned", ONE, error, turned, close(0.15), LATER, "evidence of shared noise steps"),
     Relation(
-        "restore", "few pixels, turned", of_few_pixels, error_either_way, turned, close(0.1), LATER, "means are rounded"
+        "restore",
+        "few pixels, turned",
+        of_few_pixels,
+        error_either_way,
+        turned,
+        close(0.25),
+        LATER,
+        "means of few pixels",
     ),
     beside("restore", "few pixels: themselves", of_few_pixels, error_either_way, error_of_mean, not_above(1.05)),
     Relation(

@@ -84,3 +84,12 @@ def test_hot_pixels_of_any_level_are_filled(sigma: float) -> None:
         psnr(denoise([spoiled], effort="fast", hidden=how).image / 255, clean / 255) for how in ("outliers", "none")
     )
     assert found > left + 3
+
+
+def test_impulses_that_touch_at_the_border_are_found() -> None:
+    y, x = np.mgrid[:48, :48]
+    clean = (80 + x + y).astype(np.uint8)
+    rng = np.random.default_rng(0)
+    noisy = np.where(rng.random(clean.shape) < 0.08, rng.choice(np.uint8([0, 255]), clean.shape), clean)
+    noisy[:2, 18:22] = [[98, 255, 0, 101], [99, 0, 0, 102]]
+    assert np.abs(denoise([noisy], effort="fast").image.astype(int) - clean).max() < 20
