@@ -1,6 +1,7 @@
 """Claims about borders as lines and polygons."""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from skimage import measure
 
-from cvtimg import find_contours, find_edges
+from cvtimg import find_contours, find_edges, write_contours
 from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.labels import Contours
 from cvtimg.labels.contours import CLEARANCE, EDGE_MODES
@@ -210,3 +211,9 @@ def test_labels_and_options_that_make_no_sense_are_refused() -> None:
         find_edges([[-1, 2]])
     with pytest.raises(TypeError, match="labels of type float64 must be integers"):
         find_edges([[0.5, 2]])
+
+
+def test_labels_are_no_drawing(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match=r"drawing of type ndarray must be a Drawing, such as"):
+        write_contours(tmp_path / "a.svg", np.eye(4, dtype=int))  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())

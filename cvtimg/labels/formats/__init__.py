@@ -86,13 +86,18 @@ def write_contours(path: StrPath, drawing: Drawing | Sequence[Drawing], *, overw
     ------
     ImportError
         If roifile is not installed (``pip install 'cvtimg[microscopy]'``) and the path ends in .zip.
+    TypeError
+        If a drawing is none, such as an array of labels.
     ValueError
         If the suffix is another, or the format holds one page.
     OSError
         If the file cannot be written.
     """
-    from cvtimg._shared.checks import check_choice
+    from cvtimg._shared.checks import check_choice, refuse_type
 
     suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), CONTOUR_FORMATS)
     drawings = [drawing] if isinstance(drawing, Drawing) else list(drawing)
+    for page in drawings:
+        if not isinstance(page, Drawing):
+            refuse_type("drawing", type(drawing).__name__, "a Drawing, such as cvtimg.plotting.contour_drawing makes")
     import_module(f"{__name__}.{CONTOUR_FORMATS[suffix]}").write(path, drawings, overwrite)
