@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each
@@ -205,8 +205,6 @@ class _Pair:
 
     def seen(self, transform: Floats) -> tuple[Floats32, Floats32]:
         """(N,) values of the other image at the places of the pixels, and weight behind both."""
-        from scipy.ndimage import map_coordinates
-
         x, y = _mapped(transform, *self.places)
         height, width = self.shape
         at = np.stack([y, x])
@@ -279,8 +277,6 @@ def moved(bands: Floats32, known: Bools, transform: Floats, estimate: Floats32 |
     # Without an estimate of what versions show they are interpolated. With one, they are those of the nearest pixels,
     # each moved by what the estimate changes by over that way, a part of a pixel: this keeps noise white, and what is
     # finer than the pixels.
-    from scipy.ndimage import map_coordinates
-
     values, still_known, share = np.empty_like(bands), np.empty_like(known), known.astype(np.float32)
     look = _interpolation(fill(bands, share) if estimate is None else estimate)
     inverse = np.asarray(np.linalg.inv(transform), np.float64)
@@ -303,8 +299,6 @@ def moved(bands: Floats32, known: Bools, transform: Floats, estimate: Floats32 |
 
 def _interpolation(image: Floats32) -> Callable[[Floats], Floats32]:
     """Return what gives the (..., C) values of an image, (H, W, C), at rows and columns, (2, ...)."""
-    from scipy.ndimage import map_coordinates, spline_filter
-
     splines = [spline_filter(band, 3, np.float32, mode="nearest").T for band in image.T]
     look = partial(map_coordinates, order=3, mode="nearest", prefilter=False, output=np.float32)
     return lambda at: np.stack([look(spline, at) for spline in splines], axis=-1)

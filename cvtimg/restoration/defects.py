@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import median_filter, uniform_filter, uniform_filter1d
 
 from cvtimg._shared.threads import in_stripes, of_each
 from cvtimg._shared.types import Array, Bools, Floats, Floats32
@@ -130,7 +131,6 @@ def _counts(
 
 def _are_impulses(alone: Bools, end: Bools, n_others: np.integer | int) -> bool:
     """Tell whether what stands out at an end, (H, W, C), is more than what does so elsewhere, and lies as by chance."""
-    from scipy.ndimage import uniform_filter
     from scipy.stats import binom
 
     n = int(np.count_nonzero(alone))
@@ -216,8 +216,6 @@ def _offsets(image: Floats32) -> Floats32:
 
 def _white_part(offsets: Floats32) -> Floats32:
     """(H,) that part of what rows depart by which has the same power in all waves; edges of the picture have less."""
-    from scipy.ndimage import uniform_filter1d
-
     waves, window = np.fft.rfftfreq(len(offsets)), np.hanning(len(offsets))
     powers = np.square(np.abs(np.fft.rfft(offsets * window)))
     # It is where the line of high against middle waves meets equal power, if texture falls as the square of frequency.
@@ -230,8 +228,6 @@ def _white_part(offsets: Floats32) -> Floats32:
 
 def _departures(band: Floats32) -> Floats32:
     """(H, P) median of what each part of a row departs by from the rows around."""
-    from scipy.ndimage import median_filter
-
     parts = np.array_split(band, band.shape[1] // _PART, axis=1)
     medians = of_each(lambda number: median_filter(parts[number], (_ABOUT, 1)), len(parts), 100.0 * band.size)
     return np.stack([np.median(part - around, axis=1) for part, around in zip(parts, medians, strict=True)], axis=1)

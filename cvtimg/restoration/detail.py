@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.fft import dct
 from scipy.ndimage import gaussian_filter, uniform_filter
+from scipy.special import ndtr
 
 import cvtimg.restoration._patches as _patches
 from cvtimg._shared.choices import AutoEffortName, EffortName
@@ -224,7 +225,6 @@ def _fused(
 
 def clipped_ends(values: Floats32, known: Bools, true: Floats32, sigma: Floats32, white: float) -> tuple[bool, bool]:
     """Tell whether known values pile up at 0 and at `white` as Gaussian noise that is clipped there would."""
-    from scipy.special import ndtr
 
     def piles_up(end: float) -> bool:
         n_there = int(np.count_nonzero((values == end) & known))
@@ -355,10 +355,7 @@ def group_patches(features: Floats32, labels: Ints, largest: int) -> tuple[Ints,
         if not len(large):
             return order, bounds
         starts, stops, cuts = bounds[large], bounds[large + 1], np.empty(len(large), np.int64)
-
-        def halve(first: int, last: int, starts=starts, stops=stops, cuts=cuts) -> None:  # type: ignore[no-untyped-def]
-            _patches.halve_groups(features, order, starts, stops, cuts, first, last)
-
+        halve = partial(_patches.halve_groups, features, order, starts, stops, cuts)
         in_parts(halve, len(large), work=float((stops - starts).sum()) * features.shape[1] ** 2 / 8)
         bounds = np.insert(bounds, large + 1, cuts)
 
@@ -457,25 +454,23 @@ class _Filters:
         factor = np.linalg.cholesky(shared)
         whiten = np.linalg.inv(factor)
 
-        def make(first: int, last: int, chunk: int = 64) -> None:
-            for start in range(first, last, chunk):
-                stop = min(start + chunk, last)
-                here = slice(start, stop)
-                _patches.measure_groups(image, groups.order, groups.bounds, means, matrices, start, stop)
-                covariances, variance = matrices[here], variances[here]
-                if noisy.shared:
-                    covariances[:] = whiten @ covariances @ whiten.T
-                if noise is None:
-                    covariances *= _GAIN
-                else:
-                    _lessen_noise(covariances, noise[here], variance)
-                diagonal = np.einsum("gii->gi", covariances)
-                diagonal += np.maximum(_RIDGE * variance, _PRECISE * diagonal.sum(axis=1))[:, None]
-                _patches.make_filters(covariances, variance)
-                if noisy.shared:
-                    covariances[:] = whiten.T @ covariances @ factor.T
+        def make(here: slice) -> None:
+            _patches.measure_groups(image, groups.order, groups.bounds, means, matrices, here.start, here.stop)
+            covariances, variance = matrices[here], variances[here]
+            if noisy.shared:
+                covariances[:] = whiten @ covariances @ whiten.T
+            if noise is None:
+                covariances *= _GAIN
+            else:
+                _lessen_noise(covariances, noise[here], variance)
+            diagonal = np.einsum("gii->gi", covariances)
+            diagonal += np.maximum(_RIDGE * variance, _PRECISE * diagonal.sum(axis=1))[:, None]
+            _patches.make_filters(covariances, variance)
+            if noisy.shared:
+                covariances[:] = whiten.T @ covariances @ factor.T
 
-        in_parts(make, len(groups), work=float(groups.sizes.sum()) * size**2 / 16 + len(groups) * size**3 / 8)
+        work = float(groups.sizes.sum()) * size**2 / 16 + len(groups) * size**3 / 8
+        in_stripes(make, len(groups), work, n=64)
         # The variance that remains at each place of a patch, as a share of that of the noise.
         left = np.einsum("gij,ij->gj", matrices, np.float32(shared)).reshape(len(groups), SIDE**2, -1).mean(axis=2)
         trust = usual / variances[:, None] / (left + _LEFT)
@@ -490,14 +485,9 @@ class _Filters:
         sums, weights = np.empty_like(image), np.empty(image.shape[:2], np.float32)
         group_of = np.empty([side - 2 * REACH for side in image.shape[:2]], np.int32)
         group_of.ravel()[groups.order] = np.repeat(np.arange(len(groups), dtype=np.int32), groups.sizes)
-        about = groups.order, groups.bounds, self.means, self.matrices
-
-        def apply(first: int, last: int) -> None:
-            _patches.filter_groups(image, own_change, self.variances, *about, patches, first, last)
-
-        def join(first: int, last: int) -> None:
-            _patches.join_patches(patches, group_of, self.trust, sums, weights, first, last)
-
+        about = self.variances, groups.order, groups.bounds, self.means, self.matrices
+        apply = partial(_patches.filter_groups, image, own_change, *about, patches)
+        join = partial(_patches.join_patches, patches, group_of, self.trust, sums, weights)
         in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
         in_parts(join, len(sums), work=patches.size)
         return sums, weights

@@ -20,6 +20,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import gaussian_filter, maximum_filter, median_filter, minimum_filter, uniform_filter
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
@@ -225,8 +226,6 @@ def _apart_in_levels(versions: Versions, noise: Floats) -> Floats:
 
 def _structure(versions: Versions, version: int) -> tuple[Floats32, Bools]:
     """(H, W) fine structure of the mean of the bands, and where it is known."""
-    from scipy.ndimage import uniform_filter
-
     known = versions.known[:, :, version]
     inner = uniform_filter(known.astype(np.float32), 3) > 0.5
     gray = fill(versions.bands(version).mean(axis=2, keepdims=True), known.astype(np.float32))[:, :, 0]
@@ -235,16 +234,12 @@ def _structure(versions: Versions, version: int) -> tuple[Floats32, Bools]:
 
 def _between_blurs(image: Array) -> Array:
     """(H, W) structure of an image, without single outliers."""
-    from scipy.ndimage import gaussian_filter, median_filter
-
     image = median_filter(image, 3)
     return gaussian_filter(image, 1) - gaussian_filter(image, 4)
 
 
 def _means(values: Array, known: Bools) -> Floats:
     """(T,) mean of known values in each window; NaN where too few are known."""
-    from scipy.ndimage import uniform_filter
-
     windows = (slice(_SIDE // 4, None, _SIDE // 2),) * 2
     share = uniform_filter(known.astype(np.float64), _SIDE)[windows].ravel()
     sums = uniform_filter(np.where(known, values, 0).astype(np.float64), _SIDE)[windows].ravel()
@@ -321,8 +316,6 @@ def _line(pairs: tuple[Floats, Floats]) -> tuple[float, float] | None:
 
 def equalized(versions: Versions, tones: Floats) -> Versions:
     """Bring versions to the levels of the first; what longer exposures show near white is unknown."""
-    from scipy.ndimage import uniform_filter
-
     known, most = versions.known.copy(), (1 - _NEAR_WHITE) * (versions.white or np.inf)
     for version in np.flatnonzero((tones[:, :, 0] < _LONGER).any(axis=1)):
         mean = uniform_filter(versions.bands(int(version)), (5, 5, 0))
@@ -356,8 +349,6 @@ def without_outliers(versions: Versions, noise: Floats, *, moved: bool = False) 
 
 def without_motion(versions: Versions, noise: Floats, *, moved: bool = False) -> Versions:
     """Leave out each version where it departs from the first, as it does where something moved by itself."""
-    from scipy.ndimage import uniform_filter
-
     sample, (side, some) = _sample(versions), _MOVED
     scales = _scales(sample, sample.values[0], sample.known[0], np.hypot(noise, noise[0]))
 
@@ -434,8 +425,6 @@ class _Part:
 
     def departing(self, reference: Floats32, scales: Floats32, *, moved: bool) -> Bools:
         """(S, h, W) where each version departs from a reference, (h, W, C)."""
-        from scipy.ndimage import maximum_filter, minimum_filter
-
         slack = np.zeros(1, np.float32)
         if moved:  # the range of the pixels within 3 x 3; 0 where one is unknown
             slack = maximum_filter(reference, (3, 3, 1)) - minimum_filter(reference, (3, 3, 1))
@@ -446,7 +435,6 @@ class _Part:
     def departs(self, residual: Floats32, version: int, scales: Floats32) -> Bools:
         """(h, W) where a version departs by a residual, (h, W, C), by more than noise would."""
         # `scales` are (sides, C) standard deviations of the noise of the mean in windows of these sides.
-        from scipy.ndimage import uniform_filter
         from scipy.stats import chi2, norm
 
         known = self.known[version] & np.isfinite(residual[..., 0])
@@ -493,8 +481,6 @@ def _scales(part: _Part, reference: Floats32, judged: Bools, noise: Floats) -> F
     """(S, sides, C) standard deviations by which the means of versions in windows depart from a reference anyway."""
     # That is its noise, or more where versions differ all over: in exposure, or because they do not line up. About the
     # median of three or more versions, .88 of the noise is left.
-    from scipy.ndimage import uniform_filter
-
     is_cut_off = part.is_cut_off
 
     def scale(version: int) -> Floats32:
@@ -533,8 +519,6 @@ class Suspicion:
 
     def first_kept(self, versions: Versions, fused: Floats32) -> Versions:
         """Leave out what the median of near pixels does not explain, which additions to single pixels do not reach."""
-        from scipy.ndimage import median_filter
-
         return self.kept(versions, median_filter(fused, (3, 3, 1)))
 
     def kept(self, versions: Versions, estimate: Floats32) -> Versions:
@@ -561,8 +545,6 @@ class Suspicion:
 
     def _variance(self, version: int, squares: Floats32, seen: Bools, n_bands: int, around: int = 5) -> Floats32:
         """(H, W) variance per band by which a version differs from the estimate nearby: noise, and errors of it."""
-        from scipy.ndimage import uniform_filter
-
         least = np.float32(self.noise[version] ** 2)
         usual = np.where(seen, np.minimum(squares, _RARE**2 * least * n_bands), 0) / n_bands
         share = uniform_filter(seen.astype(np.float32), around, mode="constant")

@@ -7,6 +7,7 @@ from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import gaussian_gradient_magnitude
 
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_in_range
 from cvtimg._shared.choices import AlignName, AutoEffortName, EffortName, NoiseName, SpaceName
@@ -328,8 +329,6 @@ def _leaves_structure(image: Array, version: Array, known: Bools) -> bool:
 @one_blas_thread
 def _shows_drawing(versions: Versions) -> bool:
     """Tell whether versions in place show a few flat colors, as far as noise lets see: it hides what is faint."""
-    from scipy.ndimage import gaussian_gradient_magnitude
-
     versions = that_tell(versions, quietly=True)
     noise = Noise.of(versions).levels
     if versions.n_versions > 1:

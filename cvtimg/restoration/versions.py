@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 from PIL.JpegImagePlugin import samplings
 from scipy.ndimage import gaussian_filter
+from scipy.special import ndtr
 
 from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that, check_weights
 from cvtimg._shared.choices import SpaceName
@@ -77,8 +78,6 @@ class Clipped:
     @classmethod
     def of(cls, true: Floats32, sigma: Floats32, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
         """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviations `sigma` > 0."""
-        from scipy.special import ndtr
-
         inside = np.clip(true, 0, white)
         added, slope, variance = np.zeros_like(inside), np.ones_like(inside), np.ones_like(inside)
         for is_clipped, sign, apart in zip(ends, (1, -1), (inside, white - inside), strict=True):
