@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from skimage import data
 
 import cvtimg
 from cvtimg.pictures.formats import encoding
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (8, 9, 3), np.uint8)
+PHOTO, ROWS = data.coffee()[::12, ::12, 0], np.random.default_rng(0).random((150, 2))
 
 
 class Tensor:
@@ -97,6 +99,29 @@ def test_a_full_standard_output_is_named(tmp_path: Path, command: str) -> None:
 def test_what_is_masked_is_not_taken_for_data(take: Callable[..., object]) -> None:
     with pytest.raises(ValueError, match="1 masked values and must have none"):
         take(np.ma.masked_equal(np.arange(12.0).reshape(4, 3), 6))
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        lambda n: cvtimg.tessellate(ROWS, n).energy,
+        lambda n: cvtimg.CVT(n).fit(ROWS).inertia_,
+        lambda n: cvtimg.energy_curve(ROWS, n).energies[-1],
+        lambda n: cvtimg.reduced_basis(ROWS, n, kind="cvt").energy,
+        lambda n: cvtimg.quantize(PHOTO, n).energy,
+        lambda n: cvtimg.segment(PHOTO, n).energy,
+        lambda n: cvtimg.superpixels(PHOTO, n).energy,
+        lambda n: cvtimg.segment_hierarchy(PHOTO, n_leaves=n).energies.sum(),
+        lambda n: cvtimg.mosaic(PHOTO, n, effort="fast").energy,
+        lambda n: cvtimg.stipple(PHOTO, n).energy,
+        lambda n: cvtimg.place_generators(None, n, density=PHOTO).energy,
+        lambda n: cvtimg.mesh_region([[0, 0], [1, 0], [1, 1]], n=n).area,
+        lambda n: cvtimg.sphere_grid(n, effort="fast").energy,
+        lambda n: cvtimg.design(n, 2, effort="fast").energy,
+    ],
+)
+def test_a_number_is_the_same_in_a_type_of_few_bits(verb: Callable[[Any], float]) -> None:
+    assert verb(np.uint8(100)) == verb(100)
 
 
 @pytest.mark.parametrize("function", [cvtimg.restore, cvtimg.denoise])

@@ -284,9 +284,9 @@ def mosaic(
     check_choice("effort", effort, _STEPS)
     picture = _with_clear(picture_of(image))
     height, width = picture.samples.shape[:2]
-    check_count("n_cells", n_cells, height * width, "the number of pixels")
+    n_cells = check_count("n_cells", n_cells, height * width, "the number of pixels")
     least = 2 if shape == "triangles" else 1
-    check_at_least("n_cells", n_cells, least, "because a rectangle has at least two triangles")
+    n_cells = check_at_least("n_cells", n_cells, least, "because a rectangle has at least two triangles")
     samples = picture.samples if picture.of_shades else picture.shares()
     bands, has_alpha = _bands(samples, space)
     ends = [

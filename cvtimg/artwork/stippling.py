@@ -191,7 +191,7 @@ class _Count:
             check_that(f"dot_diameter={diameter:.3g}", factor <= largest, least)
             return cls(None, diameter, factor)
         if n_dots is not None:
-            check_count("n_dots", n_dots, n_inked * largest**2, "for the ink of an image of this size")
+            n_dots = check_count("n_dots", n_dots, n_inked * largest**2, "for the ink of an image of this size")
         return cls(n_dots, None, math.ceil(math.sqrt((n_dots or 1) / n_inked)))
 
     def of(self, area: Floats32) -> int:

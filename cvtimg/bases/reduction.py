@@ -306,7 +306,7 @@ def reduced_basis(
         asked = check_count(
             "n_modes", cast("int", n_modes), most, f"for {source.n_snapshots} snapshots of {source.n_dims} values"
         )
-    check_count("n_cells", n_cells, MAX_COLORS, "the most cells")
+    n_cells = check_count("n_cells", n_cells, MAX_COLORS, "the most cells")
     cells = min(n_cells, source.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)

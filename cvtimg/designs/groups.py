@@ -34,7 +34,7 @@ def split_evenly(
     points stay where they are, and so all of them are as even as before.
     """
     places = check_unit_points("points", points) - 0.5
-    check_count("n_groups", n_groups, len(places), "the number of points")
+    n_groups = check_count("n_groups", n_groups, len(places), "the number of points")
     held = np.asarray(known, np.intp)
     fits = held.ndim == 1 and len(held) <= len(places)
     check_shape("known", held.shape, fits, f"(L,), at most the {len(places)} points")

@@ -199,7 +199,7 @@ def design(
     >>> np.sort(result.points[:, 1]).tolist()
     [-4.375, -3.125, -1.875, -0.625, 0.625, 1.875, 3.125, 4.375]
     """
-    check_count("n_points", n_points, MAX_COLORS, "the most points")
+    n_points = check_count("n_points", n_points, MAX_COLORS, "the most points")
     check_choice("effort", effort, EFFORTS)
     check_choice("criterion", criterion, ("cvt", *CRITERIA))
     factors = _checked_factors(bounds)

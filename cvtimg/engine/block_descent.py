@@ -98,7 +98,7 @@ class Checkpoint:
 def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Survey:
     """Check all blocks, measure them, and draw a sample; there must be as many rows as generators."""
     lengths = over_blocks(blocks, _length, np.concatenate) if blocks.lengths is None else blocks.lengths
-    check_count("n_generators", n_generators, int(sum(lengths)), "the number of samples")
+    n_generators = check_count("n_generators", n_generators, int(sum(lengths)), "the number of samples")
     most = max(_ROWS_PER_GENERATOR * n_generators, min(PIECE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
     seed, n_rows = int(rng.integers(1 << 62)), int(sum(lengths))
     measured = over_blocks(blocks, _survey_block, Survey.total, n_rows <= most)

@@ -193,6 +193,7 @@ def tessellate(
     )
     power = check_non_negative("volume_power", volume_power)
     watch = Watch(callback)
+    n_generators = n_generators.item() if isinstance(n_generators, np.integer) else n_generators  # of few bits
     asked = _Asked(n_generators, method, init, settings, power, locked, np.random.default_rng(rng), watch)
     if is_blocked(samples):
         return _tessellate_blocks(as_blocks(samples, density), asked, effort, checkpoint)

@@ -70,7 +70,7 @@ class Wanted:
     ) -> Wanted:
         """Check what the user gave."""
         if n is not None:
-            check_count("n", n, MOST_VERTICES, "what memory holds")
+            n = check_count("n", n, MOST_VERTICES, "what memory holds")
         ways = {"n": n, "edge_length": edge_length, "size": size, "metric": metric}
         given = [name for name, value in ways.items() if value is not None]
         is_clear = given in ([], ["n"], ["edge_length"], ["size"], ["metric"], ["n", "size"], ["n", "metric"])

@@ -244,7 +244,7 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
         levels = _VoxelLevels(voxels, spacing := check_positive("edge_length", edge_length))
     else:
         assert n is not None
-        check_count("n", n, MOST_VERTICES, "what memory holds")
+        n = check_count("n", n, MOST_VERTICES, "what memory holds")
         check_in_range("n", n, n <= _EFFORT.most_per_voxel * volume, f"at most {_EFFORT.most_per_voxel} for each voxel")
         spacing = (volume * 2 / n) ** (1 / 3)  # the lattice has two vertices in a cube of this side
         levels = _VoxelLevels(voxels, spacing)

@@ -104,7 +104,7 @@ def place_generators(
     check_needs("region=None", region is None, "an image as density", len(shape) > 0)
     where = as_region(np.ones(shape, bool) if region is None else region)
     check_in_range("metric", metric, metric >= 1, ">= 1, the power of a p-norm")
-    check_count("n_generators", n_generators, MOST_POINTS, "what memory holds")
+    n_generators = check_count("n_generators", n_generators, MOST_POINTS, "what memory holds")
     settings, random = EFFORTS[check_choice("effort", effort, EFFORTS)], np.random.default_rng(rng)
     auto = isinstance(on_boundary, str)
     if isinstance(on_boundary, str):

@@ -94,7 +94,7 @@ class Region(ABC):
         >>> sorted(tessellate(samples, 2).generators.round(1).tolist())
         [[0.5, 0.5], [1.5, 0.5]]
         """
-        check_count("n", n, MOST_POINTS, "what memory holds")
+        n = check_count("n", n, MOST_POINTS, "what memory holds")
         points = self.draw(n, rng)
         weights = as_density(density)(points) * (self.measure / n)
         return WeightedSamples(points, weights, in_order=False)

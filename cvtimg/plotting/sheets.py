@@ -58,7 +58,7 @@ def draw_edges(
     from skimage.morphology import isotropic_dilation
 
     segments = check_labels("labels", labels)
-    check_count("thickness", thickness, _WIDEST, "the longest side")
+    thickness = check_count("thickness", thickness, _WIDEST, "the longest side")
     values = check_labeled_image("image", image, segments)
     drawn = np.array(_over_checkers(Image.fromarray(shown(values, limits_to_show([values[segments != ignore]])))))
     edges = find_edges(segments, mode="inner" if thickness % 2 else "thick", ignore=ignore)

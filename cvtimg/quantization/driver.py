@@ -296,8 +296,8 @@ def _by_number(
 ) -> Any:
     """Return the results of neighboring numbers of colors, whose figure is below a target and reaches it."""
     least = max(fixed_colors(one, how.locked)[2] for one in source.counted)
-    most: Any = how.n_colors or MAX_COLORS
-    check_room(most, least)
+    wanted: Any = how.n_colors or MAX_COLORS
+    most = check_room(wanted, least)
     plain, first = replace(how, goal="error", psnr=None, max_bytes=None), _AIMING.number
     # A first pass with low effort shows where to look. Each number is searched for by itself: starting from another one
     # would end at a higher energy.

@@ -151,7 +151,7 @@ def find_palette(
     if color_bits is not None:
         return _hardware_palette(samples, n_colors, space, locked, check_color_bits(color_bits), engine)
     samples, fixed, least = fixed_colors(samples, locked)
-    check_room(n_colors, least)
+    n_colors = check_room(n_colors, least)
     kinds = kinds_of(samples.colors, samples.alpha)
     samples = _visible(samples, kinds)
     if samples.alpha and samples.n_colors and (kinds[kinds != CLEAR] == OPAQUE).all():
@@ -215,7 +215,7 @@ def main_palette(
     """
     samples = image if isinstance(image, ColorSamples) else color_samples(image)
     samples, fixed, least = fixed_colors(samples, locked)
-    check_room(n_colors, least)
+    n_colors = check_room(n_colors, least)
     samples = _visible(samples, kinds_of(samples.colors, samples.alpha))
     given, alpha = fixed[kinds_of(fixed, samples.alpha) != CLEAR], samples.alpha
     n_cells = n_colors - len(fixed) + len(given)
@@ -257,7 +257,7 @@ def best_of(samples: ColorSamples, palette: ArrayLike, n_colors: int, space: Spa
     from scipy.spatial.distance import cdist
 
     given = check_colors("palette", palette, samples.colors.dtype)
-    check_count("n_colors", n_colors, len(given), "the number of colors of the palette")
+    n_colors = check_count("n_colors", n_colors, len(given), "the number of colors of the palette")
     samples, colors = agree(samples, given)
     if n_colors == len(given):
         return Palette(colors, None, samples.alpha)
@@ -413,10 +413,10 @@ def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[Color
     return samples, fixed, max(1, len(fixed) + (OPAQUE in needed - there))
 
 
-def check_room(n_colors: int, least: int) -> None:
-    """Refuse a size beyond the largest palette, or below the number of colors that must be in it."""
+def check_room(n_colors: int, least: int) -> int:
+    """Return the size of a palette; refuse one beyond the largest, or below the number of colors that must be in it."""
     check_count("n_colors", n_colors, MAX_COLORS, "the size of the largest palette")
-    check_at_least("n_colors", n_colors, least, "for locked colors, opaque and transparent pixels")
+    return check_at_least("n_colors", n_colors, least, "for locked colors, opaque and transparent pixels")
 
 
 def _visible(samples: ColorSamples, kinds: Bytes) -> ColorSamples:
@@ -452,7 +452,7 @@ def _hardware_palette(
 ) -> Palette:
     """Find a palette of hardware colors: all of those nearest to the samples, or a palette rounded to some of them."""
     samples, fixed, least = fixed_colors(suited(samples, bits), locked)
-    check_room(n_colors, least)
+    n_colors = check_room(n_colors, least)
     nearest = _in_order(np.concatenate([fixed, rounded(samples.colors, bits, space)]), samples.alpha)
     if len(nearest) <= n_colors:
         return Palette(nearest, None, samples.alpha)

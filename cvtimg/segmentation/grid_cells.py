@@ -72,7 +72,7 @@ def superpixels(
     frame = frame_of(bands, known)
     values = picture_values(frame.of(bands), check_choice("space", space, SPACES), frame.of(known))
     given = check_edge_weight(compactness, "compactness")
-    check_count("n_superpixels", n_superpixels, int(values.inside.sum()), "the number of pixels")
+    n_superpixels = check_count("n_superpixels", n_superpixels, int(values.inside.sum()), "the number of pixels")
     field = values.field()
     cells = grid_of_cells(values.inside, n_superpixels)
     weight = given

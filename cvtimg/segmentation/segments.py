@@ -122,7 +122,7 @@ def segment(
     check_excluded("objects", bool(objects), components=components)
     size, color_space = int(check_non_negative("min_size", min_size)), check_choice("space", space, SPACES)
     if n_segments != "auto":
-        check_count("n_segments", n_segments, 1 << 16, "the largest number of segment colors")
+        n_segments = check_count("n_segments", n_segments, 1 << 16, "the largest number of segment colors")
     bands, known, size_of_voxels = checked_bands(image, spacing, mask)
     shape, planes, frame = known.shape, None, frame_of(bands, known)
     bands, known = frame.of(bands), frame.of(known)

@@ -105,7 +105,7 @@ def segment_file(
     ([[1, 1, 2], [1, 2, 2]], [11.0, 201.0])
     """
     check_choice(f"{target}: suffix", Path(target).suffix.lower(), TILED_SUFFIXES)
-    check_count("n_segments", n_segments, 65535, "the most labels of 16 bits")
+    n_segments = check_count("n_segments", n_segments, 65535, "the most labels of 16 bits")
     check_choice("space", space, SPACES)
     smoothness = Smoothness.checked(0, edge_weight, edge_radius, smallest_detail, effort=effort)
     stack = open_stack(source, mask, nodata, tiles=True, max_pixels=max_pixels)

@@ -104,7 +104,7 @@ def coastal_grid(
     >>> np.unique(grid.lat[grid.on_coast].round()).tolist()
     [20.0]
     """
-    check_at_least("n", n, 4, "the corners of a tetrahedron")
+    n = check_at_least("n", n, 4, "the corners of a tetrahedron")
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
     weight = as_sphere_density(density)
     start = sphere_grid(n, density=density, effort="fast", polish=False, rng=rng)

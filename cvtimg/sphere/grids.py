@@ -100,7 +100,7 @@ def sphere_grid(
     if n is None:
         check_that("n", isinstance(density, CellWidth), "be given, unless the density is a CellWidth")
         n = density.n_points  # type: ignore[union-attr]
-    check_at_least("n", n, 4, "the corners of a tetrahedron")
+    n = check_at_least("n", n, 4, "the corners of a tetrahedron")
     check_in_range("n", n, n <= MOST_POINTS, f"at most {MOST_POINTS}")
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
     weight = as_sphere_density(density)

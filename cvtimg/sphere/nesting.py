@@ -88,7 +88,7 @@ def nested_grid(
     >>> bool((grid.points[grid.fixed] == kept).all()), len(grid.points) - len(kept)
     (True, 300)
     """
-    check_at_least("n", n, 1, "the number of new points")
+    n = check_at_least("n", n, 1, "the number of new points")
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
     points = check_sphere_points("parent", parent.points if isinstance(parent, SphereGrid) else parent, least=4)
     mesh = SphereTriangulation(points, parent.triangles if isinstance(parent, SphereGrid) else None)

@@ -280,7 +280,7 @@ def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int 
     >>> np.unique(area.layers).tolist()
     [0, 1, 2, 3, 4, 5, 6, 7]
     """
-    check_at_least("layers", layers, 0, "the number of layers of cells around")
+    layers = check_at_least("layers", layers, 0, "the number of layers of cells around")
     whole, there = (grid.whole, grid.kept) if isinstance(grid, PartialGrid) else (grid, np.ones(len(grid.points), bool))
     kept = there & inside_of("within", within, whole.points)
     check_that("within", bool(kept.any()), "hold a point of the grid")

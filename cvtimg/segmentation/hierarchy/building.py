@@ -72,7 +72,7 @@ def segment_hierarchy(
     (24, [1, 1, 1, 2, 2, 2])
     """
     check_choice("space", space, SPACES)
-    check_count("n_leaves", n_leaves, 1 << 16, "the most leaves")
+    n_leaves = check_count("n_leaves", n_leaves, 1 << 16, "the most leaves")
     array, inside = check_partial_image("image", image, mask)
     if array.shape[2] in (2, 4) and (array[..., -1][inside] == white_of(array.dtype)).all():
         array = np.ascontiguousarray(array[..., :-1])  # as an alpha that is opaque, though none is declared

@@ -156,8 +156,8 @@ class RegionHierarchy(ReadOnly):
             n_regions = max(self.n_regions(threshold), least)
         else:
             check_that("n_regions", threshold is None, "not be given with threshold")
-            check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
-            check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
+            n_regions = check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
+            n_regions = check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
         nodes, leaf_labels = self._cut(n_regions)
         colors = self.colors[nodes]
         new_label = np.append(np.int32(0), dark_to_bright(colors, self.sizes[nodes]))
