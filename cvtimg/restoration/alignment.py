@@ -103,10 +103,8 @@ class _Level:
     def of(cls, values: Floats32, weight: Floats32) -> _Level:
         """Blur an image by normalized convolution."""
         share = gaussian_filter(weight, _BLUR, axes=(0, 1))
-        blurred = fill(
-            gaussian_filter(values * weight, _BLUR, axes=(0, 1))[:, :, None], np.where(share > 1e-3, share, 0)
-        )
-        return cls(blurred[:, :, 0], share)
+        total = gaussian_filter(values * weight, _BLUR, axes=(0, 1))
+        return cls(fill(total[:, :, None], np.where(share > 1e-3, share, 0))[:, :, 0], share)
 
     @property
     def is_flat(self) -> bool:
@@ -213,10 +211,8 @@ class _Pair:
         return self.look(at)[:, 0], np.where(weights > _COMPARED**2, weights, 0)
 
     def improved(self, transform: Floats, n_generators: int) -> tuple[Floats, float, float]:
-        """Take steps of least squares along some generators; the transform as it was if they lead nowhere.
-
-        Return also the gain and the offset of the other image.
-        """
+        """Take steps of least squares along some generators; return the transform, and gain and offset of the other."""
+        # If they lead nowhere, the transform is as it was.
         from scipy.linalg import expm
 
         # Coordinates from -1 to 1 along the longer side make all parameters alike.

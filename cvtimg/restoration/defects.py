@@ -123,13 +123,12 @@ def _counts(
     heights = [apart[some] for some in alone if some.any()]
     if not any(np.count_nonzero(some > half) > _ALONE * len(some) or _vary(some) for some in heights):
         return None
-    n_low = np.count_nonzero(others & is_low)
-    n_others = n_low, np.count_nonzero(others) - n_low
+    n_others = [int(np.count_nonzero(others & side)) for side in (is_low, ~is_low)]
     are_any = any(_are_impulses(*of_end) for of_end in zip(alone, counted, n_others, strict=True))
     return [int(np.count_nonzero(some)) for some in alone] if are_any else None
 
 
-def _are_impulses(alone: Bools, end: Bools, n_others: np.integer | int) -> bool:
+def _are_impulses(alone: Bools, end: Bools, n_others: int) -> bool:
     """Tell whether what stands out at an end, (H, W, C), is more than what does so elsewhere, and lies as by chance."""
     from scipy.stats import binom
 

@@ -121,7 +121,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
         )
         image = _pass(noisy, axes, kinds, largest, from_estimate=number not in {0, -len(filling)})
         even = np.maximum(versions.noisiness(estimate), np.float32(1))  # lights may seem noisy
-        estimate = axes.back(_within_noise(image, noisy, even))
+        estimate = matmul(_within_noise(image, noisy, even), np.linalg.inv(axes.matrix).astype(np.float32))
     if not evidence.noise.is_seen:
         estimate = np.where((weights > 0)[:, :, None], values, estimate)
     return estimate, kept
@@ -195,9 +195,8 @@ def _fused(
             noise = variance * (1 / share + 1 / evidence.trust[0])
             both = known & first_known
             apart = gaussian_filter(both * np.square(values - first).mean(axis=2), _NEAR)
-            excess = np.maximum(
-                apart / np.maximum(gaussian_filter(both.astype(np.float32), _NEAR), np.float32(1e-3)) - noise, 0
-            )
+            near = np.maximum(gaussian_filter(both.astype(np.float32), _NEAR), np.float32(1e-3))
+            excess = np.maximum(apart / near - noise, 0)
             # The variance of noise, as a part of that and of what is not noise.
             weight *= noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))
         sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]
@@ -260,10 +259,6 @@ class Axes:
     def along(self, image: Floats32) -> Floats32:
         """(H, W, C) image, by axes."""
         return matmul(image, self.matrix.astype(np.float32))
-
-    def back(self, image: Floats32) -> Floats32:
-        """(H, W, C) image, by bands again."""
-        return matmul(image, np.linalg.inv(self.matrix).astype(np.float32))
 
     def looks(self, image: Floats32) -> Floats32:
         """(H, W, D) what patches are compared by: opponent colors of three bands, or the first axes."""
@@ -344,10 +339,8 @@ class Groups:
 
 
 def group_patches(features: Floats32, labels: Ints, largest: int) -> tuple[Ints, Ints64]:
-    """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches.
-
-    Return the (N,) patches in the order of their groups, and (G + 1,) where each group begins.
-    """
+    """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches."""
+    # Returned are the (N,) patches in the order of their groups, and (G + 1,) where each group begins.
     order = np.argsort(labels, kind="stable").astype(np.int32)
     bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
     while True:

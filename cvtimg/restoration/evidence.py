@@ -32,7 +32,7 @@ from cvtimg.restoration.alignment import MODELS, Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.defects import Defects, without_defects
 from cvtimg.restoration.noise import Noise, SharedNoise
-from cvtimg.restoration.versions import Versions, disagreement, fill, trust_in, usual_noise
+from cvtimg.restoration.versions import Versions, fill, fuse, trust_in, usual_noise
 
 #: A version fits another if in the median of windows, what they differ by is below this part of what there is.
 MOST_MISFIT = 0.25
@@ -85,9 +85,13 @@ class Evidence:
     def variances(self, data: Versions) -> list[float]:
         """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions."""
         known = np.isfinite(self.noise.levels)
-        of_noise = [float((self.trust * self.noise.levels**2)[known].mean())] if known.any() else []
-        apart = np.nan if self.channels else disagreement(data, self.trust)
-        return [*of_noise, apart] if np.isfinite(apart) else of_noise or [0.0]
+        variances = [float((self.trust * self.noise.levels**2)[known].mean())] if known.any() else []
+        if not self.channels and (freedom := np.maximum(data.coverage - 1, 0).sum()):
+            # Unlike that of the noise, which ignores what is rare, it includes what is painted over in some version.
+            (mean, _), weights = fuse(data, self.trust), self.trust * data.known
+            apart = sum(np.square(data.bands(s) - mean).sum(axis=2) * weights[:, :, s] for s in range(len(self.trust)))
+            variances += [float(apart[data.coverage > 1].sum() / (freedom * mean.shape[2]))]
+        return variances or [0.0]
 
     @property
     def noise_lines(self) -> Floats | None:
@@ -132,10 +136,8 @@ def prepare(
         versions, apart = fitting(placed, usual, noise.shared, aligned=bool(model), hidden=hidden or "none")
         if (told := versions.known.any(axis=(0, 1))).sum() < placed.known.any(axis=(0, 1)).sum():
             noise = noise_of(replace(given, known=given.known & told))  # what others differ from is no noise
-    whitening = noise.whitening(given.rounding)
-    given, placed, versions = (
-        replace(each, lines=noise.lines, whitening=whitening) for each in (given, placed, versions)
-    )
+    with_noise = partial(replace, lines=noise.lines, whitening=noise.whitening(given.rounding))
+    given, placed, versions = map(with_noise, (given, placed, versions))
     if not channels:
         usual = usual_noise(placed, noise.levels)
         versions = rule(versions, usual, moved=bool(model))
@@ -205,11 +207,9 @@ def misfits(versions: Versions, noise: Floats, shared: SharedNoise | None = None
 
 
 def _apart_in_levels(versions: Versions, noise: Floats) -> Floats:
-    """(S, S) misfit of the levels of versions, as of a dark frame or of a short exposure.
-
-    Above `MOST_MISFIT` levels differ by more than a quarter of their variance and than the noise of both: leaving out
-    the other version costs less than taking it.
-    """
+    """(S, S) misfit of the levels of versions, as of a dark frame or of a short exposure."""
+    # Above `MOST_MISFIT` levels differ by more than a quarter of their variance and than the noise of both: leaving out
+    # the other version costs less than taking it.
     n = versions.n_versions
     # Of windows that are cut off, too, unlike those that tell an exposure: a covered lens is all black.
     levels = [_means(versions.bands(s).mean(axis=2), versions.known[:, :, s]) for s in range(n)]
@@ -537,16 +537,12 @@ class Suspicion:
             # Of versions that disagree here, one holds an addition.
             share = np.where(versions.coverage == 1, self.shares[version], 0.5)
             squares = np.square(versions.even(values - estimate, is_cut_off)).sum(axis=2) / versions.noisiness(estimate)
-            variance = self._variance(int(version), squares, own, n_bands)
+            # What a band differs by nearby: noise, and errors of the estimate.
+            least = np.float32(self.noise[version] ** 2)
+            usual = np.where(own, np.minimum(squares, _RARE**2 * least * n_bands), 0) / n_bands
+            known_near, mean = (uniform_filter(of.astype(np.float32), 5, mode="constant") for of in (own, usual))
+            variance = np.maximum(np.divide(mean, known_near, out=mean, where=known_near > 0), least)
             room = np.log(np.maximum(span**2 / (2 * np.pi * variance), 1))
             likelier = np.log((1 - share) / share) + n_bands / 2 * room
             known[:, :, version] &= confirmed | (squares <= 2 * likelier * variance)
         return replace(versions, known=known)
-
-    def _variance(self, version: int, squares: Floats32, seen: Bools, n_bands: int, around: int = 5) -> Floats32:
-        """(H, W) variance per band by which a version differs from the estimate nearby: noise, and errors of it."""
-        least = np.float32(self.noise[version] ** 2)
-        usual = np.where(seen, np.minimum(squares, _RARE**2 * least * n_bands), 0) / n_bands
-        share = uniform_filter(seen.astype(np.float32), around, mode="constant")
-        mean = uniform_filter(usual.astype(np.float32), around, mode="constant")
-        return np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)

@@ -18,13 +18,13 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import dct
 from scipy.ndimage import uniform_filter
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
-from cvtimg._shared.types import Floats, Floats32, Indices
+from cvtimg._shared.types import Array, Floats, Floats32, Indices
 from cvtimg.restoration.versions import Clipped, Versions, fill
 
 #: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: this number
@@ -197,23 +197,19 @@ class _Look:
 
     def patches(self, *sides: int, per_value: int = _PER_VALUE, most: float = 0.0) -> tuple[Floats, Floats] | None:
         """(N, side, side, C) patches of the first side of which enough are whole, and their levels, (N, C)."""
+        parts = self.values, self.image, self.lost
         for side in sides or _SIDES:
             if min(self.lost.shape) >= side:
-                every = int(np.ceil(side * np.sqrt(self.lost.size / _MOST)))
-                values, image, lost = (
-                    np.lib.stride_tricks.sliding_window_view(array, (side, side), (0, 1))[::every, ::every]
-                    for array in (self.values, self.image, self.lost)
-                )
-                if most:
-                    holes, lost = np.isinf(lost).mean(axis=(2, 3)), np.minimum(lost, 1)
-                share, cut_off = lost.mean(axis=(2, 3)), max(_CUT_OFF[side > _SIDES[0]], most)
+                some = slice(None, None, int(np.ceil(side * np.sqrt(self.lost.size / _MOST))))
+                values, image, lost = (sliding_window_view(part, (side, side), (0, 1))[some, some] for part in parts)
+                holes, cut_off = np.isinf(lost).mean(axis=(2, 3)), max(_CUT_OFF[side > _SIDES[0]], most)
+                share = (np.minimum(lost, 1) if most else lost).mean(axis=(2, 3))
                 if self.white and not sides and side < _SIDES[0]:  # too few are not cut off, by chance
                     cut_off = _CUT_OFF[int(np.median(np.append(share[share <= _CUT_OFF[1]], 0)) > cut_off)]
                 inside, enough = share <= cut_off, max(per_value * values[0, 0].size, _FEWEST)
                 if np.count_nonzero(inside) >= max(enough, (most > 0) * inside.size / 2):
                     patches = np.moveaxis(values[inside], 1, 3).astype(np.float64)
-                    if most:  # others have none; they are filled without noise
-                        patches /= np.sqrt(1 - holes[inside])[:, None, None, None]
+                    patches /= np.sqrt(1 - holes[inside])[:, None, None, None]  # which are filled without noise
                     return patches, image[inside].mean(axis=(2, 3), dtype=np.float64)
         return None
 
@@ -309,8 +305,7 @@ def _flat(patches: Floats, least: Floats) -> tuple[Floats, Floats]:
     # other meets equal power. The slope is at most that of texture whose power falls as the square of frequency: D. J.
     # Field, J. Opt. Soc. Am. A 4 (1987) 2379-2394, doi 10.1364/JOSAA.4.002379. `least`, (C, C), is noise that is known.
     n, side, _, n_bands = patches.shape
-    rings = np.add.outer(np.arange(side), np.arange(side)).ravel()
-    squares = np.add.outer(np.square(np.arange(side)), np.square(np.arange(side))).ravel()
+    rings, squares = (np.add.outer(axis, axis).ravel() for axis in (np.arange(side), np.arange(side) ** 2))
     groups = (rings >= side // 2) & (rings < side - 1), rings > side
     basis = dct(np.eye(side), axis=0, norm="ortho")
     waves = np.kron(basis, basis) @ patches.reshape(n, side**2, n_bands)
@@ -350,15 +345,14 @@ def _least(patches: Floats) -> float:
     n_quiet = min(max(int(_QUIET * len(patches)), few, _PER_VALUE * even[0].size), len(patches))
     pairs = [(even, odd), (odd, even)]
     of_pairs = [*side_by_side(lambda pair: _powers(pair[0][_order_of(pair[1])[:n_quiet]]), pairs)]
-    powers, again = np.concatenate(of_pairs, axis=1)
-    order = np.argsort(powers)
+    powers, again = (both := np.concatenate(of_pairs, axis=1))[:, np.argsort(both[0])]
     # As many directions, but not two, as have a mean that is not above their median: texture would raise the mean.
     count = np.arange(1, len(powers) + 1)
-    means = np.cumsum(powers[order]) / count
-    medians = (powers[order][(count - 1) // 2] + powers[order][count // 2]) / 2
+    means = np.cumsum(powers) / count
+    medians = (powers[(count - 1) // 2] + powers[count // 2]) / 2
     last = np.flatnonzero((means <= medians) & (count != 2))[-1]
     # The mean is too low, by chance; that of other patches along the same axes is too high, by texture.
-    return float(np.sqrt(max(means[last] + min(again[order[: last + 1]].mean(), _AGAIN * means[last]), 0.0) / 2))
+    return float(np.sqrt(max(means[last] + min(again[: last + 1].mean(), _AGAIN * means[last]), 0.0) / 2))
 
 
 def _powers(halves: Floats) -> Floats:
@@ -391,11 +385,10 @@ def lines_of(versions: Versions, *, in_place: bool, across: Floats | None = None
     if not usual or np.min(usual) <= 0 or np.min(np.ptp(levels, axis=0)) <= 0:
         return None
     seen, told = np.array(levels), np.array(variances)
-    # Small lights make the one class that has them seem noisy: a line shows without any of the classes.
+    # Small lights make the one class that has them seem noisy: a line shows without any of the classes, and in all.
     classes = np.arange(len(seen)) % _CLASSES
-    chances = [_line(seen[classes != number], told[classes != number])[1] for number in range(_CLASSES)]
-    line, chance = _line(seen, told)
-    return (line, np.mean(usual, axis=0)) if max(chance, *chances) < _CHANCE else None
+    lines = [_line(seen[classes != number], told[classes != number]) for number in range(_CLASSES + 1)]
+    return (lines[-1][0], np.mean(usual, axis=0)) if max(chance for _, chance in lines) < _CHANCE else None
 
 
 def _line(levels: Floats, told: Floats) -> tuple[Floats, float]:
@@ -458,7 +451,7 @@ def _without_texture(quiet: Floats, louder: Floats, white: float, frequencies: F
     """(X, Y, C, C) part of the spectrum of quiet blocks in each pair of bands that is noise."""
     rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
 
-    def by_ring(values: NDArray[np.complex128]) -> Floats:
+    def by_ring(values: Array) -> Floats:
         return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
 
     first, next_ = (by_ring(np.einsum("xyii->xy", spectrum)) for spectrum in (quiet, louder))

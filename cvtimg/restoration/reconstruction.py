@@ -245,15 +245,14 @@ def denoise(
     with part(_PREPARING, 1):
         image, used = denoised(evidence, effort, np.random.default_rng(rng))
     if (luma, chroma) != (1, 1):
-        image = _in_part(image, fuse(used, evidence.trust), luma, chroma, space)
+        image = _in_part(image, *fuse(used, evidence.trust), luma, chroma, space)
     return Denoised.of(stacked.with_all(image, bands), used, evidence, space, bands=bands)
 
 
 def _in_part(
-    image: Floats32, before: tuple[Floats32, Floats32], luma: float, chroma: float, space: SpaceName
+    image: Floats32, fused: Floats32, weights: Floats32, luma: float, chroma: float, space: SpaceName
 ) -> Floats32:
     """(H, W, C) image with a part of the noise of what was fused, and its weights, back in lightness and in colors."""
-    fused, weights = before
     noise = np.where(weights[:, :, None] > 0, fused - image, 0)
     if space in ("lab", "oklab"):
         light = noise * (np.arange(image.shape[2]) == 0)

@@ -233,8 +233,10 @@ def merge_versions(
         sharp = _fused_rows(versions, evidence, 0.0)[seen]  # a drawing of two colors has more once it is blurred
         mixed = np.einsum("ij,j->i", sharp, np.pi ** np.arange(sharp.shape[1]))
         n_generators = min(n_generators, len(np.unique(mixed)))
-    weights = np.where(versions.known, trust.astype(np.float32), np.float32(0))[:, :, versions.version_of]
-    values = versions.values
+    # All bands of all versions, side by side, and the version of each.
+    values = np.concatenate([versions.bands(version) for version in range(versions.n_versions)], axis=2)
+    version_of = np.repeat(np.arange(versions.n_versions), [band.shape[2] for band in versions.stack])
+    weights = np.where(versions.known, trust.astype(np.float32), np.float32(0))[:, :, version_of]
     center = values[weights > 0].mean(dtype=np.float64)
     values = values - np.float32(center)  # so that float32 is precise enough
 
@@ -243,16 +245,12 @@ def merge_versions(
         cells = descend(values[:, :, some], labels, n_generators, edge_weight=cost * unit, weights=weights[:, :, some])
         return replace(cells, generators=cells.generators + np.float32(center))
 
-    def started(blur: float) -> Ints:
-        """(H, W) cells, from 1, of the colors of the versions fused and blurred, where nothing is missing."""
-        rows = _fused_rows(versions, evidence, blur)
-        cells = cells_of(rows, n_generators, effort=effort)
-        return (cells.labels + 1).reshape(versions.known.shape[:2])
-
-    ends = (settled(started(blur), versions.version_of >= 0) for blur in each(_BLURS[effort]))
+    # The search begins in cells of the colors of the versions fused and blurred, where nothing is missing.
+    looks = (_fused_rows(versions, evidence, blur) for blur in each(_BLURS[effort]))
+    starts = (cells_of(rows, n_generators, effort=effort).labels + 1 for rows in looks)
+    ends = (settled(start.reshape(versions.known.shape[:2]), version_of >= 0) for start in starts)
     end = min(ends, key=lambda end: end.energies[-1])
-    bands = [versions.version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
-
+    bands = [version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
     levels = Levels(
         versions,
         end.labels,
@@ -269,9 +267,9 @@ def merge_versions(
     rank = np.zeros(len(told) + 1, np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1)
     labels = rank[end.labels]
-    by_version = np.full((len(order), versions.n_versions, int(np.bincount(versions.version_of).max())), np.nan)
+    by_version = np.full((len(order), versions.n_versions, int(np.bincount(version_of).max())), np.nan)
     for version, dtype in enumerate(evidence.placed.dtypes):
-        some = versions.version_of == version
+        some = version_of == version
         places = np.where(end.masses > 0, end.generators, np.nan)[order][:, some]
         white = peak(dtype) if space != "rgb" else 1.0
         by_version[:, version, : np.count_nonzero(some)] = from_space(places, space, np.dtype(np.float64)) * white

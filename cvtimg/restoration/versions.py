@@ -61,8 +61,7 @@ class Rounding:
         firsts = [max(side - _LARGEST, _SIDE) // (2 * _SIDE) * _SIDE + _SIDE // 2 for side in values.shape[:2]]
         part = values[tuple(slice(first, first + _LARGEST) for first in firsts)]
         file = BytesIO()
-        tables = self.tables[: 1 if n_bands == 1 else 2]
-        Image.fromarray(part.squeeze()).save(file, "JPEG", qtables=tables, subsampling=self.subsampling)
+        Image.fromarray(part.squeeze()).save(file, "JPEG", qtables=self.tables[:n_bands], subsampling=self.subsampling)
         with Image.open(file) as again:
             return np.asarray(np.sqrt(_FIRST_TIME) * (np.asarray(again, np.float64).reshape(part.shape) - part))
 
@@ -99,7 +98,6 @@ class Versions:
     #: memory; of any value where unknown
     stack: tuple[Array, ...]
     known: Bools  # (H, W, S): which pixels each version knows
-    version_of: Indices  # (D,): version that each band belongs to; the bands of a version are consecutive
     dtypes: tuple[np.dtype[Any], ...]  # types of the versions
     grey: bool  # whether the first version came without an axis of channels
     white: float | None = None  # where values end, at which noise may have been clipped; None if they have no ends
@@ -119,11 +117,6 @@ class Versions:
         """(H, W) number of versions that know each pixel."""
         return sum(np.moveaxis(self.known, 2, 0), np.zeros(self.known.shape[:2], np.int32))
 
-    @property
-    def values(self) -> Floats32:
-        """(H, W, D) values of all bands of all versions."""
-        return np.concatenate([self.bands(version) for version in range(self.n_versions)], axis=2)
-
     def bands(self, version: int, rows: Any = slice(None)) -> Floats32:
         """(H, W, C) values of one version, or some rows of it; 0 where unknown."""
         values, known = self.stack[version][rows].astype(np.float32), self.known[rows, :, version]
@@ -134,11 +127,9 @@ class Versions:
         return values
 
     def distinct(self) -> tuple[Versions, Indices]:
-        """Versions of the bands that differ from each other and show anything; and (C,) which of them each band is.
-
-        It is -1 of bands that have one value in each version. If all have, they are returned as they are, and so are
-        versions of different bands, as channels may be.
-        """
+        """Versions of the bands that differ from each other and show anything; and (C,) which of them each band is."""
+        # It is -1 of bands that have one value in each version. If all have, they are returned as they are, and so are
+        # versions of different bands, as channels may be.
         n_bands = self.stack[0].shape[2]
         if any(values.shape[2] != n_bands for values in self.stack):
             return self, np.arange(n_bands)
@@ -152,9 +143,8 @@ class Versions:
             return self, np.arange(n_bands)
         chosen = [places.tolist().index(number) for number in range(len(numbers))]
         stack, tones = tuple(values[:, :, chosen] for values in self.stack), self.tones
-        version_of = np.repeat(np.arange(self.n_versions), len(chosen))
         tones, lines = (None if array is None else array[..., chosen, :] for array in (tones, self.lines))
-        return replace(self, stack=stack, version_of=version_of, tones=tones, lines=lines), places
+        return replace(self, stack=stack, tones=tones, lines=lines), places
 
     def with_all(self, image: Floats32, places: Indices) -> Floats32:
         """(H, W, C) image of all bands from one of those that are `distinct`; others have the value that they have."""
@@ -230,7 +220,6 @@ def stack_versions(
     known = np.stack([seen for _, seen in fitted], axis=2)
     check_that("images", bool(known.any()), "have at least one known pixel; no version knows any pixel")
     placed = [_place(values, seen, space) for values, seen in fitted]
-    version_of = np.repeat(np.arange(len(placed)), [values.shape[2] for values in placed])
     dtypes = tuple(values.dtype for values, _ in read)
     grey = array_of(images[0]).ndim == 2
     white = peak(dtypes[0]) if space == "rgb" and dtypes[0].kind in "iu" else None
@@ -239,7 +228,7 @@ def stack_versions(
     if alpha is not False and all(has_alpha(np.atleast_3d(array_of(image)).shape[2]) for image in images):
         opacity, *others = (np.asarray(array_of(image))[:, :, -1] for image in images)
         opacity = opacity if all(np.array_equal(opacity, other) for other in others) else None
-    return Versions(tuple(placed), known, version_of, dtypes, grey, white, roundings, alpha=opacity)
+    return Versions(tuple(placed), known, dtypes, grey, white, roundings, alpha=opacity)
 
 
 def _check_same(what: str, found: Sequence[object]) -> None:
@@ -281,9 +270,8 @@ def _read(
     if values.dtype.kind == "f" and known.any():
         size = float(np.abs(values[known]).max())
         within = size == 0 or 1 / _OF_FLOATS < size < _OF_FLOATS
-        check_that(
-            f"images[{number}] of values up to {size:g}", within, f"have a size of {1 / _OF_FLOATS:g} to {_OF_FLOATS:g}"
-        )
+        what = f"images[{number}] of values up to {size:g}"
+        check_that(what, within, f"have a size of {1 / _OF_FLOATS:g} to {_OF_FLOATS:g}")
     return values, known
 
 
@@ -303,16 +291,6 @@ def usual_noise(versions: Versions, noise: Floats) -> Floats:
     """Replace unknown noise by that of the others, and noise below that of rounding by this."""
     usual = np.nanmedian(noise) if np.isfinite(noise).any() else versions.rounding
     return np.maximum(np.where(np.isnan(noise), usual, noise), versions.rounding)
-
-
-def disagreement(versions: Versions, trust: Floats) -> float:
-    """Variance, at weight 1, of versions about their mean where several know a pixel; NaN if there is no such pixel."""
-    # Unlike the estimate of the noise, which ignores what is rare, it includes what is painted over in some version.
-    mean, _ = fuse(versions, trust)
-    weights = trust * versions.known
-    apart = sum(np.square(versions.bands(s) - mean).sum(axis=2) * weights[:, :, s] for s in range(len(trust)))
-    freedom = np.maximum(versions.coverage - 1, 0).sum() * mean.shape[2]
-    return float(apart[versions.coverage > 1].sum() / freedom) if freedom else np.nan
 
 
 def trust_in(versions: Versions, weights: ArrayLike | None, noise: Floats) -> Floats:

@@ -51,7 +51,7 @@ def test_masked_arrays_know_what_is_not_masked() -> None:
     masked[0, 0, 1] = np.ma.masked
     mask[0, 0] = True
     np.testing.assert_array_equal(stack_versions([masked]).known[..., 0], ~mask)
-    np.testing.assert_array_equal(stack_versions([masked]).values, stack_versions([image], [~mask]).values)
+    np.testing.assert_array_equal(stack_versions([masked]).bands(0), stack_versions([image], [~mask]).bands(0))
     grey = np.ma.array(image[..., 0], mask=mask)
     np.testing.assert_array_equal(stack_versions([grey]).known[..., 0], ~mask)
     with pytest.raises(ValueError, match="no version knows any pixel"):
