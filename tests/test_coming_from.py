@@ -1,4 +1,4 @@
-"""The tables of docs/coming_from.md for users of pngquant, Fiji and Gmsh: each command does what theirs does."""
+"""The tables of docs/coming_from.md for users of pngquant, gifsicle, Fiji and Gmsh: commands do what theirs do."""
 
 import io
 import json
@@ -36,8 +36,8 @@ def rows(title: str) -> list[list[str]]:
 def parameters() -> list[object]:
     if not PAGE.exists():
         return []
-    found = {title: rows(title) for title in ("pngquant", "Fiji", "Gmsh")}
-    assert {title: len(pairs) for title, pairs in found.items()} == dict.fromkeys(found, 10)
+    found = {title: rows(title) for title in ("pngquant", "gifsicle", "Fiji", "Gmsh")}
+    assert {title: len(pairs) for title, pairs in found.items()} == {**dict.fromkeys(found, 10), "gifsicle": 4}
     return [
         pytest.param(*pair, id=pair[1], marks=pytest.mark.slow if number > 2 or "best" in pair[1] else ())
         for pairs in found.values()
@@ -51,7 +51,10 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     photograph = Image.open(SAMPLES / "coffee.png").convert("RGB").resize((96, 72))
     for name in ("in.png", "a.png", "b.png"):
         photograph.save(name)
-    photograph.quantize(8).save("palette.png")
+    for suffix in (".png", ".gif"):
+        photograph.quantize(8).save(f"palette{suffix}")
+    first, *others = (photograph.crop((n, 0, 80 + n, 72)).quantize(200) for n in range(3))
+    first.save("in.gif", save_all=True, append_images=others, duration=80)
     y, x = np.mgrid[:80, :90]
     disks = ((x % 30 - 15) ** 2 + (y % 40 - 20) ** 2 < 90).astype(float)
     cells = np.uint8(40 + 120 * disks + np.random.default_rng(0).normal(0, 5, disks.shape))
@@ -98,9 +101,9 @@ def run(line: str, monkeypatch: pytest.MonkeyPatch) -> int:
 
 def figures(path: Path) -> tuple[object, ...]:
     """Return what outputs of a command and of its peer must have in common: kind and size, and how many things."""
-    if path.suffix == ".png":
+    if path.suffix in (".png", ".gif"):
         with Image.open(path) as image:
-            return image.size, len(image.getcolors(1 << 16) or ()) <= 256
+            return image.size, getattr(image, "n_frames", 1), len(image.getcolors(1 << 16) or ()) <= 256
     return path.suffix, path.stat().st_size > 0
 
 
@@ -131,7 +134,7 @@ def test_each_command_runs_and_writes_what_the_command_of_the_other_program_does
     made = written(ours)
     assert made or ours.startswith("cvtimg info")
     program = shlex.split(theirs)[0]
-    if program not in ("pngquant", "gmsh") or shutil.which(program) is None:
+    if program not in ("pngquant", "gifsicle", "gmsh") or shutil.which(program) is None:
         return
     if theirs == "gmsh -check square.msh":
         assert run("gmsh -2 square.geo -o square.msh", monkeypatch) == run(theirs, monkeypatch) == 0

@@ -372,23 +372,23 @@ def _nearest_quality(source: Source, how: QuantizeOptions) -> Any:
 
     good = [one for one in found if one.content_quality >= least]
     if exact is not None and how.quality is None:  # bands and streaks, which the measure hardly sees, are no gain
-        good = [one for one in good if one is exact or _banding(source, one) <= _AIMING.bands]
+        good = [one for one in good if one is exact or palettes.banding(source, one) <= _AIMING.bands]
     return good[0] if len(good) == 1 else min(good, key=cost)
 
 
 def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> list[Any]:
-    """Return the result of the fewest colors of a quality that are not mixed, if it is likely to be small.
+    """Return the result of the fewest colors of a quality that are not mixed, if it has hardly more bands.
 
     Text and drawings have smaller files without dithering; gradients show bands, more than where colors are mixed.
     """
     numbers = sorted({*(round(2 ** (n / 4)) for n in range(4, 33)), palettes.most})
     numbers = numbers[: numbers.index(palettes.most) + 1]
-    best = palettes.unmixed(source, palettes.most)
-    if best.content_quality < least or source.size(best) > 3 * source.size(mixed):
+    if palettes.unmixed(source, palettes.most).content_quality < least:
         return []
     at = bisect_left(numbers[:-1], True, key=lambda n: palettes.unmixed(source, n).content_quality >= least)
     fewest = palettes.unmixed(source, numbers[at])
-    return [fewest] if _banding(source, fewest) <= max(_AIMING.bands, _banding(source, mixed)) else []
+    bands = palettes.banding(source, fewest)
+    return [fewest] if bands <= _AIMING.bands or bands <= palettes.banding(source, mixed) else []
 
 
 class _Setting(NamedTuple):
@@ -555,6 +555,7 @@ class _Palettes:
             self.most = max(len(one.colors) for one in found)
         self._found = {self.most: found}
         self._unmixed: dict[int, Any] = {}
+        self._bands: dict[Any, float] = {}
 
     @cached_property
     def _merged(self) -> list[Merged]:
@@ -575,6 +576,14 @@ class _Palettes:
             result = source.mapped(self._of(n_colors), replace(self._how, dither=None))
             self._unmixed[n_colors] = _seen(source, result)
         return self._unmixed[n_colors]
+
+    def banding(self, source: Source, result: Any) -> float:
+        """Return the streaks of a result, which are measured once."""
+        if result not in self._bands:
+            pairs = zip(source.images, _each(result), strict=True)
+            worst = max(streaks(image, one.image, has_alpha=source.counted[0].alpha) for image, one in pairs)
+            self._bands[result] = worst
+        return self._bands[result]
 
     def exact(self, source: Source) -> Any:
         """Return the image as it is, where the palette has all its colors or its file may be small; or None."""
@@ -624,11 +633,6 @@ def judged(source: Source, result: Any) -> Any:
     """Return a result that knows its qualities."""
     result = _seen(source, result) if result.content_quality is None else result
     return replace(result, quality=source.visual_quality(result))
-
-
-def _banding(source: Source, result: Any) -> float:
-    pairs = zip(source.images, _each(result), strict=True)
-    return max(streaks(image, one.image, has_alpha=source.counted[0].alpha) for image, one in pairs)
 
 
 def _each(result: Any) -> Sequence[Any]:

@@ -15,7 +15,8 @@ from cvtimg.looks.rate import REACH, CoderName, Rate, map_by_rate, visibility
 
 #: Largest palette of a .gif or .png, in which an index is a byte.
 MAX_ENTRIES = 256
-#: Matches followed from a pixel, by effort.
+#: Matches followed from a pixel, by effort: half of the balanced ones make files 1 to 2 % larger, and twice as many
+#: take up to a tenth more time for at most .3 % of the bytes.
 MATCHES: dict[CoderName, dict[EffortName, int]] = {
     "deflate": {"fast": 16, "balanced": 128, "best": 256},
     "lzw": {"fast": 16, "balanced": 32, "best": 256},

@@ -1,15 +1,18 @@
 """Mapping by rate, against plain error diffusion and the bytes that deflate and LZW make of it."""
 
 import zlib
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import cvtimg
+import cvtimg.looks.rate as rate_module
 from cvtimg._shared.types import Bytes, Floats32, Indices
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks.rate import CoderName, Rate, map_by_rate, visibility
 from cvtimg.pictures.formats.encoding import encode_image
+from cvtimg.quantization.looks import MATCHES
 
 COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:300, 200:420]
 PALETTE = np.asarray(cvtimg.quantize(COFFEE, 64, effort="fast").palette)
@@ -82,6 +85,34 @@ def test_gifs_by_the_prices_of_lzw_are_a_quarter_smaller_at_the_same_looks() -> 
     assert sizes[0] < 0.75 * sizes[1]
     quality = cvtimg.looks.VisualQuality(cat)
     assert quality(palette[by_lzw]) > quality(palette[by_deflate]) - 1
+
+
+@pytest.mark.slow
+@CODERS
+def test_twice_the_matches_gain_little_and_half_of_them_lose(coder: CoderName) -> None:
+    cat = cvtimg.read_image("sample_images/chelsea.png")[:, :400]
+    palette = np.asarray(cvtimg.quantize(cat, 128, space="oklab", effort="fast").palette)
+    content = placed(cat), placed(palette), visibility(cat.mean(axis=2))
+    suffix, n = {"deflate": ".png", "lzw": ".gif"}[coder], MATCHES[coder]["balanced"]
+    rates = (Rate(n_matches=n_matches, coder=coder) for n_matches in (n // 2, n, 2 * n))
+    half, usual, twice = (len(encode_image(suffix, map_by_rate(*content, rate), palette=palette)) for rate in rates)
+    assert usual < 0.995 * half
+    assert twice > 0.995 * usual
+
+
+def test_bands_cost_few_bytes_and_are_several(monkeypatch: pytest.MonkeyPatch) -> None:
+    cup, bands = cvtimg.read_image("sample_images/coffee.png"), list[int]()
+    palette, stripes = np.asarray(cvtimg.quantize(cup, 256, effort="fast").palette), rate_module.in_stripes
+
+    def counted(kernel: Callable[[slice], None], n_rows: int, work: float, n: int) -> None:
+        bands.append(-(-n_rows // n))
+        stripes(kernel, n_rows, work, n)
+
+    monkeypatch.setattr(rate_module, "in_stripes", counted)
+    in_bands = len(zlib.compress(mapped(0.4, cup, palette).tobytes(), 9))
+    monkeypatch.setattr(rate_module, "_WINDOWS", 1 << 10)
+    assert in_bands < 1.002 * len(zlib.compress(mapped(0.4, cup, palette).tobytes(), 9))
+    assert bands == [2, 1]  # for two threads
 
 
 def test_dearer_bits_give_smaller_gifs() -> None:

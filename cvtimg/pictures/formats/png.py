@@ -3,6 +3,7 @@
 import struct
 import zlib
 from collections.abc import Sequence
+from functools import lru_cache
 from io import BytesIO
 from typing import Any, BinaryIO, NamedTuple, Self
 
@@ -141,7 +142,14 @@ def small_png(images: Sequence[Image.Image], **options: Any) -> bytes:
     else:
         level = _DEFLATE.levels[large]
         likely = [form for form, size in zip(forms, sizes, strict=True) if size <= _DEFLATE.likely * min(sizes)]
-    return min((form.png(bytes(deflate.zlib_compress(form.rows, level))) for form in likely), key=len)
+    return min((form.png(_deflated(form.rows, level)) for form in likely), key=len)
+
+
+@lru_cache(maxsize=3)  # a search that compares sizes writes one of its last candidates
+def _deflated(rows: bytes, level: int) -> bytes:
+    import deflate
+
+    return bytes(deflate.zlib_compress(rows, level))
 
 
 def indexed(indices: Array, palette: Bytes) -> Image.Image:
