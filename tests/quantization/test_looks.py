@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageDraw, ImageFont
 
 import cvtimg
 from cvtimg.pictures.formats.encoding import encode_image
@@ -206,3 +207,15 @@ def test_a_gradient_of_many_colors_is_written_as_it_is_and_small(tmp_path: Path)
         assert (result.energy == 0) == (name == "smooth")
     np.testing.assert_array_equal(cvtimg.read_image(tmp_path / "smooth.png"), smooth)
     assert (tmp_path / "smooth.png").stat().st_size < 0.5 * n_bytes(cvtimg.quantize(smooth, 256))
+
+
+def test_a_logo_on_nothing_is_written_without_dithering_as_that_is_smaller() -> None:
+    image = Image.new("RGBA", (800, 800), (255, 255, 255, 0))
+    draw = ImageDraw.Draw(image)
+    draw.text((40, 40), "Acme Labs", font=ImageFont.load_default(150), fill=(90, 40, 160, 255))
+    draw.ellipse((100, 400, 400, 700), fill=(230, 80, 20, 255))
+    logo = np.asarray(image.resize((200, 200), Image.Resampling.LANCZOS))
+    result = cvtimg.quantize(logo, goal="eyes", alpha=True)
+    colors, shown = logo[logo[..., 3] > 0], result.image[logo[..., 3] > 0]
+    n_colors, n_pairs = (len(np.unique(some, axis=0)) for some in (colors, np.hstack([colors, shown])))
+    assert n_pairs == n_colors  # each color has one entry
