@@ -1,5 +1,6 @@
 """Run a plan in this process, in workers or on Dask; a failed input does not stop the others."""
 
+import math
 import os
 import shutil
 import signal
@@ -240,10 +241,13 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
                 for path in here.outputs.values():
                     os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
             row = {**here.facts, **done, **before}
-            if notes:
-                row["warning"] = "; ".join([*([row["warning"]] if "warning" in row else []), *notes])
             if not row.get("skipped"):
                 row |= _n_bytes("output_bytes", tuple(here.outputs.values()))
+            larger = row.get("output_bytes", 0) > row.get("input_bytes", math.inf)  # in another format than the input
+            if larger and here.output.suffix.lower() in running.keep_smaller:
+                notes.append(f"larger than the {here.source.suffix} file: --skip-if-larger leaves such outputs out")
+            if notes:
+                row["warning"] = "; ".join([*([row["warning"]] if "warning" in row else []), *notes])
         return Outcome({**row, "seconds": stopwatch.laps} if stopwatch.laps else row)
     except Exception as error:
         return _failed(here, error)

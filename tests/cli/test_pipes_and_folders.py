@@ -126,6 +126,10 @@ def test_outputs_that_are_no_smaller_are_not_written(run: Run, row_of: RowOf) ->
     assert (row["output"], row["skipped"]) == (None, "output not smaller")
     assert not Path("again.png").exists()
     assert "skipped,small.png" in Path("r.csv").read_text()
+    Image.fromarray(RGB).resize((64, 64)).save("photo.webp", quality=1)
+    (row,) = run("quantize", "photo.webp", "--out-dir", "small", "--json").rows
+    assert row["output_bytes"] > row["input_bytes"]
+    assert "larger than the .webp file" in row["warning"]
 
 
 def test_sizes_are_in_table_json_and_report(run: Run) -> None:
