@@ -34,6 +34,7 @@ from cvtimg.segmentation.touching import (
     split_at_saddles,
     with_own_borders,
 )
+from cvtimg.segmentation.values import from_nearest
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +154,10 @@ def count_objects(
     bands, inside, size = checked_bands(image, spacing, mask)
     gray = bands.mean(axis=-1, dtype=np.float32)
     inside = within_margins(gray, inside)
-    for plane in gray.reshape(-1, *gray.shape[-2:]):
-        plane[:] = without_impulses(plane)
+    shape = (-1, *gray.shape[-2:])
+    for plane, seen in zip(gray.reshape(shape), inside.reshape(shape), strict=True):
+        # What does not count may hold anything.
+        plane[:] = without_impulses(from_nearest(plane, seen) if seen.any() and not seen.all() else plane)
     gray = without_light(gray, inside)
     for left_to_try in range(SETTINGS.max_fields, -1, -1):
         if not inside.all():
