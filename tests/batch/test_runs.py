@@ -85,7 +85,7 @@ def test_a_list_on_standard_input_keeps_its_folders(here: Path, monkeypatch: pyt
 # Workers
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_results_come_in_the_order_of_the_inputs(here: Path, capsys: pytest.CaptureFixture[str], jobs: int) -> None:
     tasks = inputs(7)
     assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), Running(jobs)) == 0

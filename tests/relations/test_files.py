@@ -70,7 +70,7 @@ def test_a_batch_that_is_ended_and_resumed_has_the_report_of_one_that_is_not(
     assert {row["k"] for row in again if row["status"] == "done"} <= {"32", ""}
 
 
-@pytest.mark.parametrize("suffix", ["csv", "jsonl"])
+@pytest.mark.parametrize("suffix", [pytest.param("csv", marks=pytest.mark.slow), "jsonl"])
 def test_rows_that_are_known_early_stand_in_the_order_of_the_inputs(
     suffix: str, pictures: Path, tmp_path: Path
 ) -> None:

@@ -67,7 +67,7 @@ def test_by_strips_is_as_in_one_piece(photograph: Array, kind: str, way: dict[st
     assert {path.name for path in Path().iterdir()} == {"a.tif", "b.tif"}
 
 
-@pytest.mark.parametrize("radius", [1, 3, 9])
+@pytest.mark.parametrize("radius", [1, 3, pytest.param(9, marks=pytest.mark.slow)])
 def test_noise_leaves_no_seams(radius: int, monkeypatch: pytest.MonkeyPatch) -> None:
     image = noisy()
     write(image)
