@@ -85,16 +85,17 @@ def are_shades(samples: Array) -> bool:
     """Whether samples are shades as screens show them: of 8 bits, or from 0 to white and not all nearly black."""
     if samples.dtype == np.uint8:
         return True
-    white, seen = peak(samples.dtype), samples[np.isfinite(samples)]
+    white, seen = peak(samples.dtype), samples[np.isfinite(samples)] if samples.dtype.kind == "f" else samples
     return bool(seen.size and seen.min() >= 0 and white / 16 <= seen.max() <= white)
 
 
 def narrowed(samples: Array) -> Array:
-    """Return the same picture in 8 or 16 bits if its integers fit, and would be nearly black by the white of a type."""
-    if samples.dtype.kind not in "iu" or not samples.size or are_shades(samples):
-        return samples
-    fits = [kind for kind in (np.uint8, np.uint16) if samples.min() >= 0 and samples.max() <= np.iinfo(kind).max]
-    return samples.astype(fits[0]) if fits and samples.dtype.newbyteorder("=") != np.uint16 else samples
+    """Return a picture of wide integers in 8 or 16 bits, if they fit and are nearly black by the white of their type."""
+    kind, n_bytes = samples.dtype.kind, samples.dtype.itemsize
+    is_wide = kind == "i" or (kind == "u" and n_bytes > 2)
+    if is_wide and samples.size and not are_shades(samples) and samples.min() >= 0 and samples.max() <= 65535:
+        return samples.astype(np.uint8 if samples.max() <= 255 else np.uint16)
+    return samples
 
 
 def white_among(samples: Array) -> float:

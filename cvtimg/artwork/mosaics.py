@@ -245,10 +245,10 @@ def mosaic(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         Of 2 or 4 channels the last is alpha; if it is nowhere between clear and opaque, tiles are the one or the
-        other, by which most of their pixels are. Integers have white at 255, or at 65535 if they are 16-bit or do not
-        fit into 8 bits, and floating point at 1. Measurements, which leave this range or would be nearly black, are
-        taken in the range that they fill, with a warning; only colors of tiles have their own unit. NaN and masked
-        values are clear.
+        other, by which most of their pixels are. White is the largest integer of the type, or 1 for floating point;
+        integers of wide types that would be nearly black, but fit in 8 or 16 bits, are taken as those. Measurements,
+        which leave this range or are nearly black all the same, are taken in the range that they fill, with a warning;
+        only colors of tiles have their own unit. NaN and masked values are clear.
     n_cells : int
         Number of tiles, in 1..pixels; of triangles 2 or more, and not more than pixels.
     shape : {"cells", "triangles"}
@@ -306,7 +306,7 @@ def mosaic(
         colors = _restricted(colors, painted.areas, palette, has_alpha)
     history = tuple(float(unit**2 * energy) for energy in energies)
     drawn = replace(picture, samples=colors[np.newaxis]).shares()[0]
-    psnr = _psnr(drawn[painted.labels], picture.shares(), has_alpha)
+    psnr = _psnr(drawn[painted.labels], picture.shares() if picture.of_shades else samples, has_alpha)
     energy = float(unit**2 * painted.energy)
     return Mosaic(points, colors, painted.labels, triangles, energy, history, psnr, picture.limits)
 

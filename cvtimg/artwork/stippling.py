@@ -58,9 +58,10 @@ def stipple(
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        Gray or sRGB, with alpha or without. Integers have white at 255, or at 65535 if they are 16-bit or do not fit
-        into 8 bits, and floating point at 1. Measurements, which leave this range or would be nearly black, are
-        stretched to the range that they fill, with a warning. What is transparent, masked or NaN is paper.
+        Gray or sRGB, with alpha or without. White is the largest integer of the type, or 1 for floating point;
+        integers of wide types that would be nearly black, but fit in 8 or 16 bits, are taken as those. Measurements,
+        which leave this range or are nearly black all the same, are stretched to the range that they fill, with a
+        warning. What is transparent, masked or NaN is paper.
     n_dots : int, optional
         Number of dots; by default 20,000, or a quarter of the pixels of images with fewer than 80,000. An image without
         ink has none. One with fewer pixels of ink than dots is enlarged, to 2^28 pixels at most.

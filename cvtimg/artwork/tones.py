@@ -12,10 +12,10 @@ import numpy as np
 
 from cvtimg._shared.checks import check_channels, check_image, check_in_range
 from cvtimg._shared.messages import warn
-from cvtimg._shared.pixels import are_shades, array_of, narrowed, peak
+from cvtimg._shared.pixels import array_of, narrowed, peak
 from cvtimg._shared.types import Array, Bools, Bytes, Floats, Floats32, ImageLike
 from cvtimg.colors.spaces import to_space
-from cvtimg.pictures.showing import limits_to_show
+from cvtimg.pictures.showing import limits_of_measurements
 
 #: Luminance of linear sRGB, Rec. ITU-R BT.709.
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -72,7 +72,7 @@ class Picture:
 
 
 def picture_of(image: Any) -> Picture:
-    """Check an image to draw; integers of more than 16 bits and signed ones that fit become 8 or 16 bits.
+    """Check an image to draw; wide integers that would be nearly black become 8 or 16 bits if they fit.
 
     Measurements, which are no shades of a screen, have black and white at the ends of the range that they fill, with a
     warning. NaN, infinity and masked values are no data.
@@ -86,12 +86,12 @@ def picture_of(image: Any) -> Picture:
     picture = Picture(samples, (0.0, peak(samples.dtype)), known)
     colors = samples[..., : picture.n_colors]
     seen = colors if known is None else colors[known]
-    if are_shades(seen) or not seen.any():
+    if (limits := limits_of_measurements(seen)) is None:
         return picture
-    low, high = limits_to_show([seen.reshape(-1, seen.shape[-1])])
-    check_in_range("the range of image", high - low, bool(np.isfinite(high - low)), "finite")
+    extent = limits[1] - limits[0]
+    check_in_range("the range of image", extent, bool(np.isfinite(extent)), "finite")
     warn("measurements, not shades of a screen: black and white are the ends of the range that they fill")
-    return replace(picture, limits=(low, high))
+    return replace(picture, limits=limits)
 
 
 def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:

@@ -7,7 +7,7 @@ import numpy as np
 from PIL import ImageColor
 
 from cvtimg._shared.budgets import ROWS_AT_ONCE
-from cvtimg._shared.pixels import peak
+from cvtimg._shared.pixels import are_shades, peak
 from cvtimg._shared.types import Array, Bytes
 
 #: Parts of the samples that may be darker than black and brighter than white, so that a hot pixel hides nothing.
@@ -36,6 +36,11 @@ def natural_limits(image: Array) -> tuple[float, float]:
     low, high = limits_to_show([image])
     white = peak(image.dtype)
     return (0.0, white) if low >= 0 and _DARK * white <= high <= white else (low, high)
+
+
+def limits_of_measurements(samples: Array) -> tuple[float, float] | None:
+    """Return `limits_to_show` of (..., C) samples that are no shades of a screen; None for shades, or if all are 0."""
+    return None if are_shades(samples) or not samples.any() else limits_to_show([samples])
 
 
 def shown(image: Array, limits: tuple[float, float]) -> Bytes:

@@ -163,9 +163,10 @@ def as_seen(image: Any) -> Any:
     """Return an image whose white is that of its type, where this can be; warn where that leaves it nearly black."""
     array = image if isinstance(image, np.ndarray) else array_of(image)
     narrow = narrowed(array)
-    most = float(narrow.max()) if narrow.size else 0.0
-    if 0 < most <= peak(narrow.dtype) and narrow.min() >= 0 and not are_shades(narrow):
-        warn(f"the image is nearly black to eyes: it reaches {most:g}, and white is {peak(narrow.dtype):g}")
+    if narrow.size and not are_shades(narrow):
+        white, most = peak(narrow.dtype), float(narrow.max())
+        if 0 < most <= white and narrow.min() >= 0:
+            warn(f"the image is nearly black to eyes: it reaches {most:g}, and white is {white:g}")
     return image if narrow is array else narrow
 
 

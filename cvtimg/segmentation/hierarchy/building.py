@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_partial_image
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import are_shades, narrowed, peak, white_of
+from cvtimg._shared.pixels import narrowed, peak, white_of
 from cvtimg._shared.progress import part
 from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
-from cvtimg.pictures.showing import limits_to_show
+from cvtimg.pictures.showing import limits_of_measurements
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.evidence import evidence_of
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
@@ -101,9 +101,9 @@ def _as_shades(image: Array, inside: Bools, space: SpaceName) -> tuple[Array, fl
     Measurements are stretched to the range that they fill.
     """
     image = narrowed(image)
-    if space == "rgb" or are_shades(image[inside]) or not image[inside].any():
+    if space == "rgb" or (limits := limits_of_measurements(image[inside])) is None:
         return image, 0.0, peak(image.dtype)
-    low, high = limits_to_show([image[inside]])
+    low, high = limits
     shares = ((image - np.float64(low)) / (high - low or 1)).clip(0, 1).astype(np.float32)
     return shares, low, high
 
