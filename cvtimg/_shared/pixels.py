@@ -90,7 +90,7 @@ def are_shades(samples: Array) -> bool:
 
 
 def narrowed(samples: Array) -> Array:
-    """Return a picture of wide integers in 8 or 16 bits, if they fit and are nearly black by the white of their type."""
+    """Return a picture of wide integers in 8 or 16 bits if they fit and are nearly black by the white of their type."""
     kind, n_bytes = samples.dtype.kind, samples.dtype.itemsize
     is_wide = kind == "i" or (kind == "u" and n_bytes > 2)
     if is_wide and samples.size and not are_shades(samples) and samples.min() >= 0 and samples.max() <= 65535:
