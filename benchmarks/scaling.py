@@ -2,9 +2,9 @@
 
 `virtual` tells what 16 cores can bring, on any machine: the parts of each pass are timed one by one, in one thread, and
 given to as many of 16 workers as the pass asks for, as they get free; beside it how many passes that were, and what
-waking 15 threads for each of them adds. Bytes are those of arrays that passes hold and that no cache does, read or
-written once a pass; the limit is the gain at which a copy by all cores of this machine would be as fast. `threads` has
-seconds and processor seconds for several numbers of threads, also of rivals.
+waking threads for each of them adds, where whoever is woken wakes others. Bytes are those of arrays that passes hold
+and that no cache does, read or written once a pass; the limit is the gain at which a copy by all cores of this machine
+would be as fast. `threads` has seconds and processor seconds for several numbers of threads, also of rivals.
 
     python benchmarks/scaling.py [--quick] [--parts virtual threads] [--verbs quantize ...]
 """
@@ -23,7 +23,7 @@ from heapq import heapreplace
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import pairwise
-from math import sqrt
+from math import ceil, log2, sqrt
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -119,12 +119,13 @@ class Passes:
     def forget(self) -> None:
         """Forget all passes."""
         self.n_passes, self.n_bytes, self.work, self.seconds = 0, 0, 0.0, 0.0
+        self.waking, self.measuring = 0.0, 0.0  # seconds that waking takes, and that all of this does
 
     def in_parts(self, kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
         """Do what `threads.in_parts` does."""
         from cvtimg._shared import threads
 
-        n = int(min(self.n_workers, n_items, (max(work, 0) / threads._TO_HAND_OVER) ** 0.5))
+        n = int(min(self.n_workers, n_items, work / threads._TO_HAND_OVER))
         n_parts = 1 if self._within or n <= 1 else min(n_items, threads._PARTS_OF_A_THREAD * n)
         ends = [n_items * part // n_parts for part in range(n_parts + 1)]
         deque(self._timed(lambda part: kernel(*part), [*pairwise(ends)], n), maxlen=0)
@@ -137,6 +138,7 @@ class Passes:
         if self._within or len(items) == 1:
             yield from map(work, items)
             return
+        resumed = time.thread_time()
         self.n_bytes += sum({id(array): array.nbytes for array in held(work) if array.nbytes > CACHED}.values())
         free = [0.0] * n_workers  # when each worker has done its parts
         for item in items:
@@ -147,7 +149,10 @@ class Passes:
                 self._within, spent = False, time.thread_time() - start
             self.work += spent
             heapreplace(free, free[0] + spent)
+            self.measuring += time.thread_time() - resumed - spent
             yield result
+            resumed = time.thread_time()
+        self.waking += WAKING * ceil(log2(n_workers))
         self.seconds += max(free)
         self.n_passes += 1
 
@@ -188,13 +193,15 @@ def planned(name: str, share: float) -> dict[str, float]:
     passes.forget()
     start = time.thread_time()
     work(given, share)
-    all_ = time.thread_time() - start
+    all_ = time.thread_time() - start - passes.measuring
+    alone = all_ - passes.work
     return {
         "processor s": all_,
-        "alone": all_ - passes.work,
-        "gain of 16": all_ / (all_ - passes.work + passes.seconds),
+        "alone": alone,
+        "gain of 16": all_ / (alone + passes.seconds),
+        "with waking": all_ / (alone + passes.seconds + passes.waking),
         "passes": passes.n_passes,
-        "waking s": passes.n_passes * 15 * WAKING,
+        "waking s": passes.waking,
         "bytes": passes.n_bytes,
         "bytes an item": passes.n_bytes / (given if isinstance(given, int) else np.prod(np.shape(given)[:-1])),
     }

@@ -8,7 +8,7 @@ from itertools import count
 import numpy as np
 
 from cvtimg._shared.budgets import ENOUGH_SAMPLES
-from cvtimg._shared.types import Floats, Indices, Points
+from cvtimg._shared.types import Floats, Indices, Ints, Points, Triangles
 from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import SphereDensity, fibonacci
 from cvtimg.sphere.triangulation import LEAST_DISTANCE, SphereTriangulation, unit
@@ -41,7 +41,14 @@ def bisected(mesh: SphereTriangulation) -> SphereTriangulation:
     a, b, c = mesh.triangles.T
     ab, bc, ca = number.reshape(-1, 3).T
     triangles = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
-    return SphereTriangulation(np.concatenate([mesh.points, middles]), triangles)
+    # The first half of edge k is edge k of part k, the second one that of the next part; 9 to 11 are in the middle.
+    part, k = 12 * (twins // 3), twins % 3
+    of_ab, of_bc, of_ca = (part + 3 * ((k + 1) % 3) + k).reshape(-1, 3).T
+    to_ab, to_bc, to_ca = (part + 4 * k).reshape(-1, 3).T
+    middle = 12 * np.arange(len(mesh.triangles), dtype=np.int32)
+    sides = [of_ab, middle + 11, to_ca, to_ab, of_bc, middle + 9, middle + 10, to_bc, of_ca]
+    beside = np.stack([*sides, middle + 5, middle + 6, middle + 1], axis=1).reshape(-1, 3)
+    return SphereTriangulation(np.concatenate([mesh.points, middles]), triangles, beside)
 
 
 def in_order(mesh: SphereTriangulation) -> SphereTriangulation:
@@ -51,23 +58,39 @@ def in_order(mesh: SphereTriangulation) -> SphereTriangulation:
     number[order] = np.arange(len(order), dtype=np.int32)
     triangles = number[mesh.triangles]
     by_least = np.argsort(triangles.min(axis=1), kind="stable")
-    return SphereTriangulation(mesh.points[order], triangles[by_least])
+    place = np.empty(len(triangles), np.int32)
+    place[by_least] = np.arange(len(triangles), dtype=np.int32)
+    twins = _renumbered(mesh.twins[by_least], place)
+    return SphereTriangulation(mesh.points[order], triangles[by_least], twins)
 
 
 def without(mesh: SphereTriangulation, n_surplus: int, rng: np.random.Generator) -> SphereTriangulation:
     """Leave out some points, far from each other; a neighbor takes the triangles of each, and edges flip."""
     points, direction = mesh.points, rng.normal(size=3)
+    corners, twins = mesh.triangles.ravel(), mesh.twins.ravel().copy()
     stays, end = np.ones(len(points), bool), np.arange(len(points))
     farness = points @ direction
     for _ in range(n_surplus):
         point = int(farness.argmax())
-        around = mesh.triangles[(mesh.triangles == point).any(axis=1)]
-        stays[point], end[point] = False, around[around != point][0]
+        corner = int((corners == point).argmax())
+        neighbor = corner + (1, -1, -2)[corner % 3]
+        stays[point], end[point] = False, corners[neighbor]
+        edge = corner - (corner % 3 == 1)
+        for side in (edge, twins[edge]):  # whose triangle is left out: its other two edges become one
+            first, second = twins[3 * (side // 3) + (side % 3 + np.array([1, 2])) % 3]
+            twins[first], twins[second] = second, first
         farness = np.minimum(farness, -(points @ points[point]))
     triangles = (np.cumsum(stays) - 1)[end[mesh.triangles]].astype(np.int32)
-    merged = SphereTriangulation(points[stays], triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
+    is_left = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    place = np.cumsum(is_left, dtype=np.int32) - 1
+    merged = SphereTriangulation(points[stays], triangles[is_left], _renumbered(twins.reshape(-1, 3)[is_left], place))
     merged.replace(merged.points)
     return merged
+
+
+def _renumbered(twins: Triangles, place: Ints) -> Triangles:
+    """Return half-edges where triangles are at other places (T,)."""
+    return 3 * place[twins // 3] + twins % 3
 
 
 def drawn(density: SphereDensity, n: int, rng: np.random.Generator) -> Points:

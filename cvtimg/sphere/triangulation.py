@@ -33,14 +33,14 @@ _ROWS = 2048
 class SphereTriangulation(HalfEdges):
     """The Delaunay triangulation of N points on the unit sphere, T = 2 N - 4 triangles: their convex hull."""
 
-    def __init__(self, points: Points, triangles: Triangles | None = None) -> None:
+    def __init__(self, points: Points, triangles: Triangles | None = None, twins: Triangles | None = None) -> None:
         self._arcs: Floats | None = None
         self._firsts: Ints | None = None
         if triangles is None:
             self.points = np.ascontiguousarray(points)
             self._build()
         else:
-            super().__init__(points, triangles.copy())
+            super().__init__(points, triangles.copy(), twins)
             check_that("triangles", self.is_closed, "cover the sphere")
 
     def move(self, points: Points) -> bool:
@@ -202,8 +202,12 @@ def counted(kernel: Callable[[int, int], int], n_items: int) -> int:
 
 def circumcenters(points: Points, triangles: Triangles) -> Points:
     """Return the unit normals (T, 3) of triangles."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    return unit(np.cross(b - a, c - a))
+
+    def normals(rows: slice) -> Points:
+        a, b, c = (points[triangles[rows, k]] for k in range(3))
+        return unit(np.cross(b - a, c - a))
+
+    return np.concatenate(in_stripes(normals, len(triangles), WORK * len(triangles), _ROWS))
 
 
 def unit(vectors: Points) -> Points:
