@@ -9,8 +9,13 @@ cdef extern from "half_edges.h" nogil:
         uint8_t *borders
         int32_t *outgoing
 
+    ctypedef int edge_test(const half_edges *mesh, const double *values, int32_t e)
     int32_t end_of(const half_edges *mesh, int32_t e)
     double squared_distance(const double *a, const double *b)
+    Py_ssize_t flip_all(
+        half_edges *mesh, double *values, edge_test may_flip, edge_test should_flip, int32_t n_edges, int32_t *stack,
+        uint8_t *waiting, Py_ssize_t most,
+    )
 
 
 cdef inline half_edges seen(mesh) except *:

@@ -7,17 +7,12 @@ import numpy as np
 
 from libc.stdint cimport int32_t, uint8_t
 
-from cvtimg.halfedges.half_edges cimport half_edges, seen
+from cvtimg.halfedges.half_edges cimport flip_all, half_edges, seen
 
 cdef extern from "delaunay.h" nogil:
     double twice_area(const double *a, const double *b, const double *c)
     int may_flip(const half_edges *mesh, const double *metric, int32_t e)
     int should_flip(const half_edges *mesh, const double *metric, int32_t e)
-    ctypedef int edge_test(const half_edges *mesh, const double *values, int32_t e)
-    Py_ssize_t flip_all(
-        half_edges *mesh, double *values, edge_test may_flip, edge_test should_flip, int32_t n_edges, int32_t *stack,
-        uint8_t *waiting, Py_ssize_t most,
-    )
 
 cdef extern from "cell_moments.h" nogil:
     struct c_sums "sums":

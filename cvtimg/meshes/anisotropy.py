@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_places, check_shape, check_that, check_triangles
+from cvtimg._shared.budgets import SAMPLES_OF_FIGURE
+from cvtimg._shared.checks import check_shape, check_that
 from cvtimg._shared.types import Floats, Ints, Points
-from cvtimg.meshes.fields import PER_AREA
 from cvtimg.meshes.outlines import Outline
-from cvtimg.meshes.sizes import ESTIMATE, MeshValues, estimated_factor
-from cvtimg.meshes.trees import Cells, divide
+from cvtimg.meshes.sizes import MeshValues, estimated_factor
+from cvtimg.meshes.trees import CellField, Cells, divide
 from cvtimg.placement import as_region
 
 #: From (M, 2) points to (M, 2, 2) symmetric matrices.
@@ -22,8 +22,8 @@ MatrixFunction = Callable[[Points], Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MetricField:
-    """A metric at all places of a region, by a function."""
+class MetricField(CellField):
+    """A metric at all places of a region, by a function, which says itself how it changes, wherever borders are."""
 
     isotropic: ClassVar[bool] = False
 
@@ -43,33 +43,20 @@ class MetricField:
         field = cls(checked, divide(lambda points: sizes(points, factor), outline, probes), factor)
         return field if n is None else field.scaled((field.count / n) ** 0.5)
 
-    @property
-    def count(self) -> float:
-        """About how many vertices a mesh has, but for half of those on its boundary."""
-        return PER_AREA * float(self._masses().sum())
-
     def metric(self, points: Points) -> Points:
-        """Return metrics (N, 3) at (N, 2) points."""
         return self.function(points) / self.factor**2
 
     def scaled(self, factor: float) -> MetricField:
-        """Return the field with all edges longer by a factor."""
         return replace(self, factor=self.factor * factor)
 
     def limited(self, grade: float, least: float) -> MetricField:
-        """Return the field itself: a metric says how it changes."""
         return self
 
     def lowered(self, points: Points, sizes: Floats, grade: float) -> MetricField:
-        """Return the field itself: edges are as the metric says, wherever borders are."""
         return self
 
-    def seeds(self, n: int, rng: np.random.Generator) -> Points:
-        """Draw (n, 2) points along a Morton curve."""
-        return self.cells.seeds(self._masses(), n, rng)
-
-    def _masses(self) -> Floats:
-        return self.cells.masses(lambda points: np.sqrt(_determinants(self.metric(points))))
+    def _masses(self) -> tuple[Cells, Floats]:
+        return self.cells, self.cells.masses(lambda points: np.sqrt(_determinants(self.metric(points))))
 
 
 class HuangMetric:
@@ -105,7 +92,7 @@ class HuangMetric:
 
     def __init__(self, hessian: MatrixFunction, region: object) -> None:
         self._hessian = hessian
-        absolute = self._absolute(as_region(region).draw(ESTIMATE**2))
+        absolute = self._absolute(as_region(region).draw(SAMPLES_OF_FIGURE))
         largest = float(np.abs(absolute).max())
         check_that("hessian", 0 < largest < np.inf, "be finite and not 0 everywhere")
 
@@ -130,7 +117,7 @@ class HuangMetric:
         return _matrices("hessian", whole, len(points))[1]
 
 
-class RecoveredHessian:
+class RecoveredHessian(MeshValues):
     """The Hessian of a function that is known at the vertices of a mesh: least squares over two rings of neighbors.
 
     Parameters
@@ -151,15 +138,12 @@ class RecoveredHessian:
     """
 
     def __init__(self, points: ArrayLike, triangles: ArrayLike, values: ArrayLike) -> None:
-        places = check_places("points", points, 2)
-        corners = check_triangles("triangles", triangles, len(places))
-        heights = np.asarray(values, np.float64)
-        check_shape("values", heights.shape, heights.shape == (len(places),), f"({len(places)},), as the points")
-        self._values = MeshValues(places, corners, _fitted_hessians(places, corners, heights))
+        super().__init__(points, triangles, "values", values)
+        self.values = _fitted_hessians(self.mesh.points, self.mesh.triangles, self.values)
 
     def __call__(self, points: Points) -> Floats:
         """Return Hessians (M, 2, 2) at (M, 2) points; outside of the mesh, that of the nearest vertex."""
-        return _as_matrices(self._values(points))
+        return _as_matrices(super().__call__(points))
 
 
 def _fitted_hessians(points: Points, triangles: Ints, values: Floats) -> Points:

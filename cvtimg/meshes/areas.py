@@ -7,21 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.budgets import GIVEN, ROUNDING
 from cvtimg._shared.types import Floats, Indices, Ints, Points
 
-
-@dataclass(frozen=True, slots=True)
-class Newton:
-    """How equations for areas are solved."""
-
-    near: float = 1e-6  # areas are right when none misses by more than this part of it, after one round at least
-    rounds: int = 20
-    longest: float = 0.25  # in each, no vertex moves by more than this part of its shorter edge
-    ends: float = 0.03  # of lines, which are corners and junctions, move by this part of what other vertices do
-    regular: float = 1e-12  # makes the equations regular where all areas are kept if all but one are
-
-
-_NEWTON = Newton()
+#: Part of a vertex's shorter edge by which it moves at most in a round of Newton's method: with more, edges may cross.
+_LONGEST = 0.25
+#: Part of what other vertices move by which ends of lines do, corners and junctions: with more, these lose their shape.
+_ENDS = 0.03
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,16 +47,16 @@ class Areas:
 
         both, n_pieces, n = self.pieces[of_line], len(self.wanted), len(points)
         freedom = np.ones(n)
-        freedom[ends] = _NEWTON.ends
+        freedom[ends] = _ENDS
         freedom[still] = 0
         rows = np.concatenate([both.T.ravel()] * 4)
         columns = np.concatenate([np.tile(2 * edges[:, end] + axis, 2) for end in (0, 1) for axis in (0, 1)])
         signs = np.tile(np.repeat([0.5, -0.5], len(edges)), 4)
         inside = rows > 0
         points = points.copy()
-        for round_ in range(_NEWTON.rounds):
+        for round_ in range(20):  # each corrects what the bends of the last one left
             missing = self.wanted - _enclosed(points, edges, both, n_pieces)
-            if round_ and (np.abs(missing) <= _NEWTON.near * self.wanted)[1:].all():
+            if round_ and (np.abs(missing) <= GIVEN * self.wanted)[1:].all():
                 break
             a, b = points[edges[:, 0]], points[edges[:, 1]]
             lengths = np.linalg.norm(b - a, axis=1)
@@ -78,14 +70,15 @@ class Areas:
             normal = (weighted @ of_moves.T).tocsc()
             if not normal.diagonal().any():  # no vertex may move
                 break
-            scale = _NEWTON.regular * float(normal.diagonal().max())
+            # Where all areas are kept if all but one are, the equations are regular with a little more on the diagonal.
+            scale = ROUNDING * float(normal.diagonal().max())
             needed = np.atleast_1d(spsolve(normal + scale * eye_array(n_pieces - 1, format="csc"), missing[1:]))
             moves = (weighted.T @ needed).reshape(-1, 2)
             shortest = np.full(n, np.inf)
             for end in (0, 1):
                 np.minimum.at(shortest, edges[:, end], lengths)
             far = np.linalg.norm(moves, axis=1)
-            points += moves * np.minimum(1, _NEWTON.longest * shortest / np.maximum(far, 1e-300))[:, None]
+            points += moves * np.minimum(1, _LONGEST * shortest / np.maximum(far, 1e-300))[:, None]
         return points
 
 

@@ -34,12 +34,6 @@ class Spacing:
     finest: float = 0.0  # but no size is lowered to less, in pixels: edges may shrink to nothing where areas are kept
     straight: float = 20.0  # vertices slide along a border where edges turn by less, in degrees
     step: float = 0.34  # a line is sampled at steps of at most this part of an edge
-    parts: int = 256  # into which steps are divided at once, since sizes may be tiny at one end only
-    passes: int = 12  # at most, that divide steps
-    rounds: int = 12  # of making crowded edges shorter,
-    few: float = 1e-3  # until no more than this part of them is left,
-    few_crowded: float = 1e-2  # or this where angles are given up anyway
-    last_rounds: int = 5  # only where they cross
 
     @classmethod
     def of(cls, outline: Outline) -> Spacing:
@@ -69,7 +63,7 @@ def place_on_borders(
         If edges cross however short they are.
     """
     spacing = Spacing.of(outline)
-    for round_ in first_few(range(spacing.rounds)):
+    for round_ in first_few(range(12)):
         chains = _Chains.of(outline, field, on_curves)
         borders = chains.borders()
         if len(borders.points) > most:
@@ -78,10 +72,10 @@ def place_on_borders(
         crossed, near = _crowded(borders, lengths, chains, nearness)
         if nearness == 1:
             near |= _narrowing(borders, outline)
-        if round_ >= spacing.rounds - spacing.last_rounds:
+        if round_ >= 7:  # the last rounds are for edges that cross
             near[:] = False
         halved = crossed | near & (lengths > 2 * min_size)
-        few = spacing.few if nearness == 1 else spacing.few_crowded
+        few = 1e-3 if nearness == 1 else 1e-2  # where angles are given up anyway
         if not crossed.any() and halved.sum() <= few * len(halved) and round_ > 0:
             return borders, field
         middles = borders.points[borders.edges].mean(axis=1)
@@ -169,11 +163,12 @@ def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Poin
     """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
     places = np.concatenate(lines)
     line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    for _ in range(how.passes):
+    for _ in range(12):
         metric, steps = field.metric(places), np.diff(places, axis=0)
         longest = np.maximum(lengths_of(metric[:-1], steps), lengths_of(metric[1:], steps))
         longest[np.diff(line_of) > 0] = 0
-        n_parts = np.clip(np.ceil(longest / how.step), 1, how.parts).astype(np.intp)
+        # Sizes may be tiny at one end of a step only.
+        n_parts = np.clip(np.ceil(longest / how.step), 1, 256).astype(np.intp)
         if n_parts.max(initial=1) == 1:
             break
         places, start = divided_steps(places, n_parts)

@@ -20,11 +20,6 @@ static inline const double *origin2(const struct half_edges *mesh, int32_t e)
     return mesh->points + 2 * (ptrdiff_t)mesh->vertices[e];
 }
 
-static inline double twice_area_of(const struct half_edges *mesh, int32_t t)
-{
-    return twice_area(origin2(mesh, 3 * t), origin2(mesh, 3 * t + 1), origin2(mesh, 3 * t + 2));
-}
-
 /* Whether the angles opposite to an edge add up to more than 180 degrees, by the sum of the metrics (xx, xy, yy) at the
  * four vertices, or in the plane. */
 static int should_flip(const struct half_edges *mesh, const double *metric, int32_t e)

@@ -18,7 +18,7 @@ PER_AREA = 2 / 3**0.5
 class Field(Protocol):
     """Sizes or metrics at all places of a region."""
 
-    isotropic: ClassVar[bool]  # Whether edges are as long in all directions
+    isotropic: ClassVar[bool] = True  # Whether edges are as long in all directions
 
     @property
     def count(self) -> float:
@@ -54,44 +54,36 @@ def lengths_of(metric: Points, steps: Points) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PictureField:
+class PictureField(Field):
     """Sizes at the centers of pixels."""
-
-    isotropic: ClassVar[bool] = True
 
     sizes: Floats32  # (H, W)
     inside: Bools  # (H, W): the pixels that are meshed
 
     @property
     def count(self) -> float:
-        """About how many vertices a mesh has, but for half of those on its boundary."""
         return PER_AREA * float((self.sizes[self.inside].astype(np.float64) ** -2.0).sum())
 
     def metric(self, points: Points) -> Points:
-        """Return metrics (N, 3) at (N, 2) points."""
         from scipy.ndimage import map_coordinates
 
         return metric_of(map_coordinates(self.sizes, points.T[::-1] - 0.5, np.float64, order=1, mode="nearest"))
 
     def scaled(self, factor: float) -> PictureField:
-        """Return the field with all sizes multiplied by a factor."""
         return replace(self, sizes=self.sizes * np.float32(factor))
 
     def limited(self, grade: float, least: float) -> PictureField:
-        """Return the field with sizes of at least `least`, that grow by no more than `grade` for each pixel."""
         sizes = np.maximum(self.sizes, np.float32(least))
         limit_growth(sizes, grade, grade)
         return replace(self, sizes=sizes)
 
     def lowered(self, points: Points, sizes: Floats, grade: float) -> PictureField:
-        """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
         values = self.sizes.copy()
         x, y = (np.clip(at.astype(np.intp), 0, n - 1) for at, n in zip(points.T, values.shape[::-1], strict=True))
         np.minimum.at(values, (y, x), sizes.astype(np.float32))
         return PictureField(values, self.inside).limited(grade, 0)
 
     def seeds(self, n: int, rng: np.random.Generator) -> Points:
-        """Draw (n, 2) points along a curve."""
         density = np.where(self.inside, self.sizes, np.inf).astype(np.float32)
         low = float(density.min())
         return draw_along_curve((density / np.float32(low)) ** np.float32(-4), n, rng)

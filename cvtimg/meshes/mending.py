@@ -57,7 +57,7 @@ def mend(
             break
         mesh = PlaneTriangulation.constrained(_with_middles(mesh, split), np.concatenate([inner, added]))
         field = field.lowered(places, sizes, grade)
-        relax(mesh, field.metric, isotropic=True, most=how.moves, tolerance=0.0)
+        relax(mesh, field, most=how.moves, tolerance=0.0)
         for _ in range(how.smoothings):
             mesh.smooth()
             mesh.flip(None)

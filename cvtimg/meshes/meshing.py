@@ -70,10 +70,6 @@ EFFORTS: dict[str, MeshEffort] = {
 }
 #: A mesh whose least angle is smaller, in degrees, and not at a corner of its border, is warned of.
 _NARROW = 10.0
-#: An edge whose middle is nearer to the outline, by its length, cuts nothing off.
-_NOTHING = 1e-7
-#: Vertices move so often: where triangles would turn over, they go a part of the way.
-_RETURNS = 3
 
 
 def mesh_region(
@@ -313,12 +309,10 @@ def _made(outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort, inne
     """Make a mesh of a plan and vertices inside: let them move, and finish."""
     mesh = PlaneTriangulation.constrained(plan.borders, inner)
     with part(0, 1 / 2):
-        relaxed = relax(
-            mesh, plan.field.metric, isotropic=plan.field.isotropic, most=effort.moves, tolerance=effort.tolerance
-        )
+        energies, converged = relax(mesh, plan.field, most=effort.moves, tolerance=effort.tolerance)
     with part(1 / 2, 1):
         mesh = _finished(mesh, outline, plan, wanted, effort)
-    about = relaxed.energies, relaxed.converged, wanted.n
+    about = energies, converged, wanted.n
     return Mesh(mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), *about, changes=outline.changes)
 
 
@@ -361,7 +355,7 @@ def _keep_areas(outline: Outline, mesh: PlaneTriangulation) -> None:
     parts, half_edges = StraightParts.of(outline.lines), mesh.half_edges_on_borders()
     edges = mesh.edges[half_edges]
     a, b = mesh.points[edges].transpose(1, 0, 2)
-    is_cut = np.linalg.norm(parts.feet((a + b) / 2) - (a + b) / 2, axis=1) > _NOTHING * np.linalg.norm(b - a, axis=1)
+    is_cut = np.linalg.norm(parts.feet((a + b) / 2) - (a + b) / 2, axis=1) > 1e-7 * np.linalg.norm(b - a, axis=1)
     # An edge is on the line that those of its ends are nearest to which are no corners, and goes in its direction.
     inner = np.where(mesh.corners[edges[:, :1]], b, a)
     inner[mesh.corners[edges].all(axis=1)] = ((a + b) / 2)[mesh.corners[edges].all(axis=1)]
@@ -372,7 +366,7 @@ def _keep_areas(outline: Outline, mesh: PlaneTriangulation) -> None:
     free[edges[~is_cut]] = False
     alone = edges[is_cut & ~free[edges].any(axis=1)]
     free[alone] = ~mesh.corners[alone]
-    for _ in range(_RETURNS if free[edges].any() else 0):
+    for _ in range(3 if free[edges].any() else 0):  # where triangles would turn over, they go a part of the way
         moved = outline.areas.kept(mesh.points, edges, of_line, np.empty(0, np.intp), np.flatnonzero(~free))
         mesh.move(moved - mesh.points, free)
 

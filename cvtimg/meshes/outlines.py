@@ -27,16 +27,12 @@ class Smoothing:
     corner: float = 55.0  # contours are jagged by their pixels: at a corner they turn by more, in degrees,
     reach: int = 4  # pixels before and after it
     passes: int = 6
-    towards: float = 0.5  # how points move towards the middle of their neighbors,
-    away: float = -0.53  # and away from it
-    tolerance: float = 0.7  # how far they may move in these passes, in pixels; to move farther takes more
+    tolerance: float = 0.7  # how far points may move in these passes, in pixels; to move farther takes more
 
 
 SMOOTHING = Smoothing()
 #: Where a line turns by more, in degrees, at the start of a ring or between long sides, that is a corner.
 CLEAR_CORNER = 10.0
-#: The nearest part of a line is looked for in boxes first that reach this part of the usual length of such parts.
-_REACH = 0.1
 #: A fixed point this near to a line, by the diameter of all, is on it; points as near to each other are one.
 ON_LINE = 1e-9
 
@@ -134,9 +130,9 @@ class StraightParts:
 
     def nearest(self, points: Points) -> tuple[Indices, Floats]:
         """Return where the parts nearest to points (N, 2) start, and how far along them these are, from 0 to 1."""
-        # Points are near to lines mostly, and boxes are compared ten times as fast as distances.
+        # Points are near to lines mostly, and small boxes around them are compared ten times as fast as distances.
         steps = self.places[self.first + 1] - self.places[self.first]
-        reach = _REACH * float(np.median(np.hypot(*steps.T)))
+        reach = 0.1 * float(np.median(np.hypot(*steps.T)))
         point, part = self.tree.query(shapely.box(*(points - reach).T, *(points + reach).T))
         gaps = self._along(points[point], self.first[part])[1]
         order = np.lexsort((part, gaps, point))
@@ -248,7 +244,7 @@ def _smoothed(line: Points, tolerance: float) -> Points:
     smooth = line.copy()
     # Points move as far as the root of the number of passes.
     for turn in range(2 * round(SMOOTHING.passes * max(tolerance / SMOOTHING.tolerance, 1) ** 2)):
-        part = SMOOTHING.away if turn % 2 else SMOOTHING.towards
+        part = -0.53 if turn % 2 else 0.5  # of the way to the middle of its neighbors, back and forth
         if is_closed:
             ring = smooth[:-1]
             ring = ring + part * ((np.roll(ring, 1, axis=0) + np.roll(ring, -1, axis=0)) / 2 - ring)

@@ -12,12 +12,10 @@ from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.types import Indices, Ints, Points
 from cvtimg.meshes.outlines import ON_LINE, Outline, with_points
+from cvtimg.meshes.planning import ROUNDS
 from cvtimg.meshes.quadratic import QuadraticTriangles
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.triangulation import Borders
-
-#: Times that a mesh is made until no side is divided but its copy.
-_ROUNDS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +46,7 @@ def periodic_mesh(
     exact, twins = _outline_with_twins(outline, periodic)
     sides, chains = _with_chords(exact, twins, plan(exact))
     steps, near = np.unique([twin.step for twin in twins], axis=0), ON_LINE * outline.diameter
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):  # until no side is divided but its copy
         mesh = make(sides)
         pairs = _pairs(mesh.points, steps, near)
         alone = _alone(mesh, chains, pairs, near)

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from cvtimg._shared.budgets import MOST_IN_MEMORY
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_that, refuse
 from cvtimg._shared.progress import first_few
 from cvtimg._shared.types import Points
@@ -17,12 +18,12 @@ from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import SizeLike, size_field
 from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
 
-#: More vertices than this need more memory than machines have.
-MOST_VERTICES = 1 << 26
 #: Where nothing is said of sizes, edges are no longer than the diagonal of the region by this number.
 _PARTS = 70
 #: A number of vertices is met when it is as near as this part of it.
 NEAR = 0.01
+#: Rounds of scaling sizes until that is so: with more, those that borders keep from it take longer.
+ROUNDS = 8
 #: Sizes vary where the logarithms of the metric do by more.
 _VARIES = 0.4
 
@@ -31,16 +32,12 @@ _VARIES = 0.4
 class Search:
     """How sizes are found that come to a number of vertices."""
 
-    rounds: int = 8  # of scaling sizes, until the number is near
     stuck: float = 0.5  # where more than this power of the excess stays, short edges on borders need it:
     steeper: float = 1.5  # sizes grow faster then by this factor, up to a grade of 1
     coarsest: float = 100.0  # where that leaves too many on borders, sizes are larger by up to this factor,
     closest: float = 0.5  # and if need be, vertices are nearer to edges of other lines by this, with smaller angles, or
     # by half of that: if the closest need too many, there are too few
-    halvings: int = 5  # which is halved so often
     gap: float = 0.6  # no vertex starts nearer to one on a border than this part of the edge length there,
-    less: float = 0.8  # and less where there is no room
-    draws: int = 16  # of more vertices inside
     fitting: float = 0.2  # polygons fit if details are left out until their points are this part of all vertices
 
 
@@ -70,7 +67,7 @@ class Wanted:
     ) -> Wanted:
         """Check what the user gave."""
         if n is not None:
-            n = check_count("n", n, MOST_VERTICES, "what memory holds")
+            n = check_count("n", n, MOST_IN_MEMORY, "what memory holds")
         ways = {"n": n, "edge_length": edge_length, "size": size, "metric": metric}
         given = [name for name, value in ways.items() if value is not None]
         is_clear = given in ([], ["n"], ["edge_length"], ["size"], ["metric"], ["n", "size"], ["n", "metric"])
@@ -88,8 +85,8 @@ class Wanted:
             return MetricField.of(self.metric, outline, self.n, ends)
         field = size_field(outline, self.size, self.n, self.least, ends)
         count = field.count
-        allowed = f"ask for at most {MOST_VERTICES} vertices, which memory holds, not {count:.3g}"
-        check_that("sizes", count <= MOST_VERTICES, allowed)
+        allowed = f"ask for at most {MOST_IN_MEMORY} vertices, which memory holds, not {count:.3g}"
+        check_that("sizes", count <= MOST_IN_MEMORY, allowed)
         return field
 
 
@@ -130,7 +127,7 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
         return place(start, grade=wanted.grade, on_curves=2)
     factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
     coarser = partial(place, grade=max(grade, 1.0), on_curves=1)
-    for _ in first_few(range(_SEARCH.rounds), 0.5):
+    for _ in first_few(range(ROUNDS), 0.5):
         most = wanted.n if on_curves == 2 else 2 * wanted.n
         plan = place(start.scaled(factor), grade=grade, on_curves=on_curves, most=most)
         if plan.n_on_borders > wanted.n and on_curves == 2:  # areas are given up before angles
@@ -152,7 +149,7 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
         return plan
     low, high = np.log([factor, _SEARCH.coarsest * factor])
     best = coarsest
-    for _ in range(_SEARCH.halvings):
+    for _ in range(5):
         middle = (low + high) / 2
         plan = coarser(start.scaled(np.exp(middle)), most=wanted.n)
         is_fit = plan.n_on_borders <= wanted.n
@@ -206,7 +203,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
     tree = cKDTree(frame.points[used])
     part = _SEARCH.gap
     wanted = n + np.pi / 2 * part**2 * PER_AREA * len(used)  # half of a disk around each on a border stays free
-    for _ in range(_SEARCH.draws):
+    for _ in range(16):
         points = field.seeds(round(wanted), rng)
         near = tree.query(points)[1]
         far = lengths_of(field.metric(points), points - frame.points[used[near]]) > part
@@ -216,7 +213,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
         if len(points) >= n:
             return points[((np.arange(n) + 0.5) * len(points) / n).astype(np.intp)]
         if wanted > 4 * n:
-            part *= _SEARCH.less
+            part *= 0.8  # there is no room
         wanted = min(wanted * n / max(len(points), 1), 8.0 * n) + 1
     check_in_range("n", n, False, f"less by {n - len(points)}: the border leaves no room")
     return points

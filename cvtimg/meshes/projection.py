@@ -19,8 +19,6 @@ from cvtimg.placement import PolygonRegion
 _RADIUS = 6371.0072
 #: Edges are divided to at most this many degrees first, since they are straight on maps of degrees.
 _LONGEST = 1.0
-#: Points this near to each other, in km, are one where polygons were cut along the date line.
-_TOGETHER = 1e-6
 #: How far from the middle outlines may reach, in degrees: lengths are off by a tenth at 50, by a fifth at 70.
 _FARTHEST = 120.0
 
@@ -76,7 +74,8 @@ class LocalProjection:
     def region(self, polygons: object) -> PolygonRegion:
         """Project polygons of shapely; those cut by the date line are joined."""
         parts = shapely.get_parts(shapely.segmentize(polygons, _LONGEST))
-        return PolygonRegion(shapely.union_all(shapely.transform(parts, self.to_km), grid_size=_TOGETHER))
+        # Points a millimeter apart are one where polygons were cut along the date line.
+        return PolygonRegion(shapely.union_all(shapely.transform(parts, self.to_km), grid_size=1e-6))
 
 
 def looks_like_degrees(places: Points) -> bool:

@@ -14,17 +14,8 @@ from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.outlines import ON_LINE, Outline, StraightParts, cross
 from cvtimg.meshes.triangulation import LEAST_AREA_LEFT
 
-
-@dataclass(frozen=True, slots=True)
-class Bending:
-    """Which edges on borders bend, and how far: Jacobians stay above `LEAST_AREA_LEFT` of their mean, and areas."""
-
-    near: float = 0.3  # the ends of an edge are no farther from their line than this part of its length,
-    around: float = 2.0  # nor the way between them longer than this multiple of it: else the line is another's
-    rounds: int = 4  # of giving back the area that edges take from a segment that are made straight
-
-
-_BENDING = Bending()
+#: Part of an edge that bends by which its ends may be off their line: with more, it follows the line of another.
+_OFF = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +69,8 @@ def quadratic(points: Points, triangles: Ints, edges: Ints, outline: Outline) ->
     places = _snapped(points, triangles, edges, ways)
     bends = np.where(ways.found[:, None], ways.middles - places[edges].mean(axis=1), 0)
     straight = ~ways.found | bent.straighten(places, bends)
-    for _ in range(_BENDING.rounds if outline.mask is not None and outline.areas is not None else 0):
+    # Edges that are made straight take area from a segment: others give it back, until none folds a triangle.
+    for _ in range(4 if outline.mask is not None and outline.areas is not None else 0):
         there, bends_there = _with_areas(places, bends, edges, outline, ways, straight)
         folded = bent.straighten(there, bends_there)
         if (_jacobians(bent.nodes(there, bends_there), all_six) <= 0).any():  # so narrow are triangles there
@@ -155,7 +147,7 @@ class _Ways:
             at(middles),
             gaps > ON_LINE * outline.diameter,
             ((along == 0) | (along == lengths[:, None])) & ~closed[:, None],
-            (gaps <= _BENDING.near * chords[:, None]).all(axis=1) & (np.abs(ways) <= _BENDING.around * chords),
+            (gaps <= _OFF * chords[:, None]).all(axis=1) & (np.abs(ways) <= 2 * chords),
             ways < 0,
         )
 

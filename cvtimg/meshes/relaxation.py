@@ -13,24 +13,12 @@ import numpy as np
 
 from cvtimg._shared.progress import tell
 from cvtimg._shared.types import Floats, Points
+from cvtimg.meshes.fields import Field
 from cvtimg.meshes.triangulation import FREE, PlaneTriangulation
 from cvtimg.placement.descent import StepMemory
 
-#: From (N, 2) points to their metrics (N, 3): xx, xy and yy. Edges are wanted to have length 1 in it.
-Metric = Callable[[Points], Points]
-
 #: Vertices move by no more than this part of the wanted edge length at once.
 _LONGEST = 0.5
-#: An energy that rises by no more than this may be that of a metric which is interpolated.
-_RISE = 1e-7
-
-
-@dataclass(frozen=True, slots=True)
-class Relaxed:
-    """How a relaxation went: the energy at the start and after each move, and whether vertices came to rest."""
-
-    energies: tuple[float, ...]
-    converged: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,13 +32,13 @@ class _State:
     sizes: Floats
 
 
-def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: int, tolerance: float) -> Relaxed:
+def relax(mesh: PlaneTriangulation, field: Field, *, most: int, tolerance: float) -> tuple[tuple[float, ...], bool]:
     """Move the vertices that are not fixed, `most` times at most, by limited-memory BFGS on Lloyd's steps.
 
-    They rest when none is farther than the part `tolerance` of the wanted edge length from its center of mass. Where
-    the metric is that of a size alone, flips need none.
+    They rest when none is farther than the part `tolerance` of the wanted edge length from its center of mass. Returns
+    the energy at the start and after each move, and whether they came to rest.
     """
-    at = _state(mesh, metric, isotropic)
+    at = _state(mesh, field)
     energies = [at.energy]
     memory = StepMemory()
     rested = False
@@ -58,9 +46,10 @@ def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: in
         before, pulls = mesh.points.copy(), at.masses(at.steps)
         steps, longest = memory.step(pulls, at.to_lloyd), _LONGEST * at.sizes
         mesh.move(steps * (longest / np.maximum(_lengths(steps), longest))[:, None])
-        there = _state(mesh, metric, isotropic)
-        if len(memory) and there.energy > at.energy * (1 + _RISE):
-            memory.clear()  # a rise is small, and the way goes on from there
+        there = _state(mesh, field)
+        # Where a metric is interpolated, the energy may rise a little.
+        if len(memory) and there.energy > at.energy * (1 + 1e-7):
+            memory.clear()  # and the way goes on from there
         else:
             # The masses here, for both: with a density, that learns better than the change of the gradient.
             memory.learn(mesh.points, before, there.masses(at.steps), there.masses(there.steps))
@@ -68,12 +57,12 @@ def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: in
         energies.append(at.energy)
         tell((len(energies) - 1) / most)
         rested = bool((_lengths(at.steps) <= tolerance * at.sizes).all())
-    return Relaxed(tuple(energies), rested)
+    return tuple(energies), rested
 
 
-def _state(mesh: PlaneTriangulation, metric: Metric, isotropic: bool) -> _State:
-    values = metric(mesh.points)
-    mesh.flip(None if isotropic else values)
+def _state(mesh: PlaneTriangulation, field: Field) -> _State:
+    values = field.metric(mesh.points)
+    mesh.flip(None if field.isotropic else values)
     energy, inertia, pull = mesh.moments(values)
     moves = mesh.fixed == FREE
     xx, xy, yy = inertia.T

@@ -6,6 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import SAMPLES_OF_FIGURE
 from cvtimg._shared.checks import (
     check_have_area,
     check_numbers,
@@ -25,14 +26,37 @@ from cvtimg.meshes.triangulation import PlaneTriangulation
 #: What `mesh_region` takes for `size`.
 SizeLike: TypeAlias = float | ArrayLike | Callable[[Points], ArrayLike]
 
-#: The size of pixels that are not meshed.
-_HUGE = np.float32(1e30)
-#: Cells along each axis by which the number of vertices is estimated first.
-ESTIMATE = 256
+#: The size of pixels that are not meshed, whose square is a number still.
+_HUGE = np.sqrt(np.finfo(np.float32).max)
 _ALLOWED = "be finite and > 0 in the region"
 
 
-class MeshSize:
+class MeshValues:
+    """Values (N,) or (N, C) at the vertices of a mesh, interpolated on its triangles."""
+
+    def __init__(self, points: ArrayLike, triangles: ArrayLike, name: str, values: ArrayLike) -> None:
+        from scipy.spatial import cKDTree
+
+        places = check_places("points", points, 2)
+        corners = check_triangles("triangles", triangles, len(places))
+        self.values = np.asarray(values, np.float64)
+        check_shape(name, self.values.shape, self.values.shape == (len(places),), f"({len(places)},), as the points")
+        free, nothing = np.zeros(len(places), bool), np.empty((0, 2), np.int32)
+        self.mesh = PlaneTriangulation(places, free, _counter_clockwise(places, corners), nothing)
+        self._used = np.unique(corners).astype(np.int32)
+        self._tree = cKDTree(places[self._used])
+
+    def __call__(self, points: Points) -> Floats:
+        """Return values (M,) or (M, C) at (M, 2) points; outside of the mesh, those of the nearest vertex."""
+        near = self._used[self._tree.query(points)[1]]
+        triangles, shares = self.mesh.locate(points, near)
+        outside = shares.min(axis=1) < -1e-9
+        values: Floats = np.einsum("mk...,mk->m...", self.values[self.mesh.triangles[triangles]], shares)
+        values[outside] = self.values[near[outside]]
+        return values
+
+
+class MeshSize(MeshValues):
     """Sizes at the vertices of a mesh, interpolated on its triangles: a size field for an adaptive loop.
 
     Parameters
@@ -53,39 +77,8 @@ class MeshSize:
     """
 
     def __init__(self, points: ArrayLike, triangles: ArrayLike, sizes: ArrayLike) -> None:
-        places = check_places("points", points, 2)
-        corners = check_triangles("triangles", triangles, len(places))
-        values = np.asarray(sizes, np.float64)
-        check_shape("sizes", values.shape, values.shape == (len(places),), f"({len(places)},), as the points")
-        check_that("sizes", ((values > 0) & (values < np.inf)).all(), "be finite and > 0")
-        self._values = MeshValues(places, corners, values[:, None])
-
-    def __call__(self, points: Points) -> Floats:
-        """Return sizes (M,) at (M, 2) points; outside of the mesh, that of the nearest vertex."""
-        return self._values(points)[:, 0]
-
-
-class MeshValues:
-    """Values (N, C) at the vertices of a mesh, interpolated on its triangles."""
-
-    def __init__(self, points: Points, triangles: Ints, values: Points) -> None:
-        from scipy.spatial import cKDTree
-
-        free = np.zeros(len(points), bool)
-        nothing = np.empty((0, 2), np.int32)
-        self._mesh = PlaneTriangulation(points, free, _counter_clockwise(points, triangles), nothing)
-        self._used = np.unique(triangles).astype(np.int32)
-        self._tree = cKDTree(points[self._used])
-        self._values = values
-
-    def __call__(self, points: Points) -> Points:
-        """Return values (M, C) at (M, 2) points; outside of the mesh, those of the nearest vertex."""
-        near = self._used[self._tree.query(points)[1]]
-        triangles, shares = self._mesh.locate(points, near)
-        outside = shares.min(axis=1) < -1e-9
-        values: Points = np.einsum("mkc,mk->mc", self._values[self._mesh.triangles[triangles]], shares)
-        values[outside] = self._values[near[outside]]
-        return values
+        super().__init__(points, triangles, "sizes", sizes)
+        check_that("sizes", ((self.values > 0) & (self.values < np.inf)).all(), "be finite and > 0")
 
 
 def _counter_clockwise(points: Points, triangles: Ints) -> Ints:
@@ -157,8 +150,8 @@ def _function_field(sizes: Sizes, outline: Outline, n: int | None, probes: Point
 
 def estimated_factor(sizes: Sizes, outline: Outline, n: int, probes: Points) -> float:
     """Return by what sizes have to be multiplied for about `n` vertices, from a grid or, in thin regions, probes."""
-    low, high = outline.bounds
-    x, y = np.meshgrid(*(low + (np.arange(ESTIMATE)[:, None] + 0.5) / ESTIMATE * (high - low)).T)
+    (low, high), n_cells = outline.bounds, int(SAMPLES_OF_FIGURE**0.5)
+    x, y = np.meshgrid(*(low + (np.arange(n_cells)[:, None] + 0.5) / n_cells * (high - low)).T)
     grid = np.stack([x.ravel(), y.ravel()], axis=1)
     inside = grid[outline.contains(grid)]
     places = inside if len(inside) else probes

@@ -18,8 +18,6 @@ Cells = Ints64
 
 #: A vertex is moved to a place where the surface cuts one of its edges, if that is nearer than this part of the edge.
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
-#: The lattice is not in line with voxels, so that the number of its points inside grows gradually with finer spacing.
-_OFFSET = np.array([0.118, 0.382, 0.236])
 #: Pairs of corners of a tetrahedron; in reverse, those of the other two.
 _PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 
@@ -34,17 +32,8 @@ class Levels(Protocol):
         """Return the distance of each of (N, 3) points to its label (N,)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Widening:
-    """How vertices of tetrahedra with small dihedral angles move."""
-
-    narrow: float = 15.0  # which angles are small, in degrees
-    rounds: int = 16
-    step: float = 0.05  # by the spacing; in every other round half of it
-    halvings: int = 4  # of moves of surfaces that make angles small, before these are left out
-
-
-_WIDENING = Widening()
+#: Degrees of dihedral angles below which vertices move: with more, more do, and surfaces lose their shape.
+_NARROW = 15.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,13 +209,13 @@ def pinched(cells: NDArray[np.integer], labels: Indices, n: int) -> Indices:
     return np.unique(edges[counts[which] > 2])
 
 
-def widened(points: Points, cells: Cells, spacing: float, how: Widening = _WIDENING) -> Points:
+def widened(points: Points, cells: Cells, spacing: float) -> Points:
     """Move vertices of tetrahedra with small dihedral angles so that these grow, by little."""
     points = points.copy()
     directions = np.stack(np.meshgrid(*[[-1.0, 0, 1]] * 3), axis=-1).reshape(-1, 3)
-    for k in range(how.rounds):
-        steps = directions * spacing * how.step / (1 + k % 2)
-        narrow = _least_angles(points[cells]) < how.narrow
+    for k in range(16):
+        steps = directions * spacing * 0.05 / (1 + k % 2)
+        narrow = _least_angles(points[cells]) < _NARROW
         if not narrow.any():
             break
         moving = np.unique(cells[narrow])
@@ -235,21 +224,21 @@ def widened(points: Points, cells: Cells, spacing: float, how: Widening = _WIDEN
         ends = np.searchsorted(near.ravel()[order], np.stack([moving, moving + 1], axis=1))
         for vertex, (first, last) in zip(moving.tolist(), ends.tolist(), strict=True):
             star = near[order[first:last] // 4]
-            if _least_angles(points[star]).min() < how.narrow:
+            if _least_angles(points[star]).min() < _NARROW:
                 corners = (star == vertex)[None, :, :, None]
                 places = np.where(corners, points[vertex] + steps[:, None, None], points[star])
                 points[vertex] += steps[_least_angles(places).min(axis=1).argmax()]
     return points
 
 
-def moved(points: Points, cells: Cells, moves: Points, how: Widening = _WIDENING) -> Points:
-    """Move points (N, 3) as far as no dihedral angle gets small, or smaller than it is."""
+def moved(points: Points, cells: Cells, moves: Points) -> Points:
+    """Move points (N, 3) as far as no dihedral angle gets small, or smaller than it is: by 1/16 at least, or not."""
     is_moving = (moves != 0).any(axis=1)
     cells = cells[is_moving[cells].any(axis=1)]
-    allowed, part = np.minimum(_least_angles(points[cells]), how.narrow), np.ones((len(points), 1))
+    allowed, part = np.minimum(_least_angles(points[cells]), _NARROW), np.ones((len(points), 1))
     while (bad := _least_angles((points + part * moves)[cells]) < allowed).any():
         near = cells[bad]
-        part[near] = np.where(part[near] > 0.5**how.halvings, part[near] / 2, 0)
+        part[near] = np.where(part[near] > 1 / 16, part[near] / 2, 0)
     return points + part * moves
 
 
@@ -261,7 +250,8 @@ def lattice(low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
     """
     shape = np.ceil((high - low) / spacing).astype(np.int64) + 4
     grid = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    corners = low + (grid - 1 - _OFFSET) * spacing
+    # Not in line with voxels, so that the number of points inside grows gradually with finer spacing.
+    corners = low + (grid - 1 - np.array([0.118, 0.382, 0.236])) * spacing
     points = np.concatenate([corners, corners + spacing / 2])
     steps = np.array([shape[1] * shape[2], shape[2], 1])
     cells = []

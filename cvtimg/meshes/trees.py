@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
 
 import numpy as np
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES, MOST_IN_MEMORY
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.types import Bools, Floats, Ints, Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges
-from cvtimg.meshes.fields import PER_AREA, metric_of
+from cvtimg.meshes.fields import PER_AREA, Field, metric_of
 from cvtimg.meshes.outlines import Outline, StraightParts
 from cvtimg.meshes.triangulation import PlaneTriangulation, delaunay
 
@@ -23,10 +23,8 @@ Sizes = Callable[[Points], Floats]
 _SIDE = 0.7
 #: from this level on, 2^6 cells along each axis, and to that one, where sides are 2^-24 of those of the region.
 _FIRST_LEVEL, LAST_LEVEL = 6, 24
-#: More cells need more memory than machines have.
-_MOST_CELLS = 1 << 23
-#: Cells of a level from which on none is divided for lowered sizes: more of these take longer, and hardly count better.
-_MOST_DIVIDED = 1 << 18
+#: Cells at most, each of which takes the memory of eight vertices.
+_MOST_CELLS = MOST_IN_MEMORY // 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,11 +38,14 @@ class Cells:
     contains: Callable[[Points], Bools]  # whether points (M, 2) are in the region
 
     def divided(self, sizes: Sizes) -> Cells:
-        """Divide cells until they are as small as sizes at their centers ask for, which may be lower than at first."""
+        """Divide cells until they are as small as sizes at their centers ask for, which may be lower than at first.
+
+        Where a level has enough cells for the mass, none is divided.
+        """
         done, centers, sides = [], self.centers, self.sides
         quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / 4
         while len(centers):
-            is_large = (sides > _SIDE * sizes(centers)) & (len(centers) < _MOST_DIVIDED)
+            is_large = (sides > _SIDE * sizes(centers)) & (len(centers) < 2 * ENOUGH_SAMPLES)
             done.append((centers[~is_large], sides[~is_large]))
             centers, sides = centers[is_large], sides[is_large]
             centers = (centers[:, None] + sides[:, None, None] * quarters).reshape(-1, 2)
@@ -68,11 +69,27 @@ class Cells:
         return self.centers[cell] + (rng.random((n, 2)) - 0.5) * self.sides[cell, None]
 
 
-@dataclass(slots=True, eq=False)
-class TreeField:
-    """Sizes at the corners of a quadtree, interpolated on a triangulation of them."""
+class CellField(Field):
+    """Sizes or metrics with squares as fine as they ask for."""
 
-    isotropic: ClassVar[bool] = True
+    cells: Cells
+
+    @property
+    def count(self) -> float:
+        return PER_AREA * float(self._masses()[1].sum())
+
+    def seeds(self, n: int, rng: np.random.Generator) -> Points:
+        cells, masses = self._masses()
+        return cells.seeds(masses, n, rng)
+
+    def _masses(self) -> tuple[Cells, Floats]:
+        """Return squares, and how many edges long and wide each is, multiplied: 0 outside of the region."""
+        raise NotImplementedError
+
+
+@dataclass(slots=True, eq=False)
+class TreeField(CellField):
+    """Sizes at the corners of a quadtree, interpolated on a triangulation of them."""
 
     cells: Cells
     mesh: PlaneTriangulation  # Of the corners, and of more points where sizes were lowered
@@ -87,37 +104,23 @@ class TreeField:
         values = np.concatenate([sizes(cells.corners), sizes(probes)])
         return cls(cells, *_triangulated(points, values))
 
-    @property
-    def count(self) -> float:
-        """About how many vertices a mesh has, but for half of those on its boundary."""
-        return PER_AREA * float(self._masses()[1].sum())
-
     def metric(self, points: Points) -> Points:
-        """Return metrics (N, 3) at (N, 2) points."""
         return metric_of(self._at(points))
 
     def scaled(self, factor: float) -> TreeField:
-        """Return the field with all sizes multiplied by a factor."""
         return replace(self, sizes=self.sizes * factor)
 
     def limited(self, grade: float, least: float) -> TreeField:
-        """Return the field with sizes >= `least` that grow by no more than `grade` for each unit of length."""
         sizes = np.maximum(self.sizes, least)
         return replace(self, sizes=limited_along_edges(self.mesh, sizes, grade))
 
     def lowered(self, points: Points, sizes: Floats, grade: float) -> TreeField:
-        """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
         low = sizes < self._at(points)
         if not low.any():
             return self
         all_points = np.concatenate([self.mesh.points, points[low]])
         mesh, values = _triangulated(all_points, np.concatenate([self.sizes, sizes[low]]))
         return replace(self, mesh=mesh, sizes=values, _near=np.empty(0, np.int32)).limited(grade, 0)
-
-    def seeds(self, n: int, rng: np.random.Generator) -> Points:
-        """Draw (n, 2) points along a Morton curve."""
-        cells, masses = self._masses()
-        return cells.seeds(masses, n, rng)
 
     def _masses(self) -> tuple[Cells, Floats]:
         cells = self.cells.divided(self._at)

@@ -15,8 +15,8 @@ from cvtimg.meshes.outlines import StraightParts, cross
 
 #: Smoothing lowers the sum of the shapes of triangles to this power: the larger, the more the worst counts.
 _POWER = 16
-#: No move leaves a triangle with less than this part of its area; it is halved this often before it is given up.
-LEAST_AREA_LEFT, _HALVINGS = 0.1, 5
+#: No move leaves a triangle with less than this part of its area: with more, vertices are held where they are.
+LEAST_AREA_LEFT = 0.1
 #: How vertices move.
 FREE, FIXED, SLIDES = 0, 1, 2
 
@@ -100,7 +100,7 @@ class PlaneTriangulation(HalfEdges):
             bad = self.triangles[self._areas(self.points + part * steps) < least]
             if not part[bad].any():
                 break
-            part[bad] = np.where((part[bad] > 0.5**_HALVINGS) & (not whole), part[bad] / 2, 0)
+            part[bad] = np.where((part[bad] > 1 / 32) & (not whole), part[bad] / 2, 0)
         self.points += part * steps
 
     def _areas(self, points: Points) -> Floats:

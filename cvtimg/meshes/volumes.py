@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.budgets import MOST_IN_MEMORY
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
 from cvtimg._shared.choices import Row
 from cvtimg._shared.records import Claims, ReadOnly
@@ -15,7 +16,7 @@ from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints, Points
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
-from cvtimg.meshes.planning import MOST_VERTICES, NEAR
+from cvtimg.meshes.planning import NEAR, ROUNDS
 from cvtimg.meshes.tetrahedra import (
     Filling,
     dihedral_angles,
@@ -32,16 +33,8 @@ from cvtimg.meshes.tetrahedra import (
 _SUFFIXES = (".vtu", ".msh", ".inp", ".vtk", ".xdmf")
 
 
-@dataclass(frozen=True, slots=True)
-class VolumeEffort:
-    """How volumes and numbers of vertices are met."""
-
-    most_per_voxel: int = 16  # more vertices for each voxel show nothing that the voxels hold
-    rounds: int = 8  # by which the number of vertices is met within `NEAR`, and then the volume
-    volume_near: float = 0.001  # volumes are moved until they are as near as this
-
-
-_EFFORT = VolumeEffort()
+#: Vertices for each voxel at most: more show nothing that the voxels hold.
+_MOST_PER_VOXEL = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,8 +237,8 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
         levels = _VoxelLevels(voxels, spacing := check_positive("edge_length", edge_length))
     else:
         assert n is not None
-        n = check_count("n", n, MOST_VERTICES, "what memory holds")
-        check_in_range("n", n, n <= _EFFORT.most_per_voxel * volume, f"at most {_EFFORT.most_per_voxel} for each voxel")
+        n = check_count("n", n, MOST_IN_MEMORY, "what memory holds")
+        check_in_range("n", n, n <= _MOST_PER_VOXEL * volume, f"at most {_MOST_PER_VOXEL} for each voxel")
         spacing = (volume * 2 / n) ** (1 / 3)  # the lattice has two vertices in a cube of this side
         levels = _VoxelLevels(voxels, spacing)
         spacing = _spacing_for(levels, spacing, n)
@@ -273,7 +266,7 @@ def _checked(labels: ArrayLike) -> Array:
 def _spacing_for(levels: _VoxelLevels, spacing: float, n: int) -> float:
     """Find the spacing with which there are about n vertices."""
     best, least = spacing, np.inf
-    for _ in range(_EFFORT.rounds):
+    for _ in range(ROUNDS):
         ratio = max(len(stuff(levels, levels.low, levels.high, spacing).points), 1) / n
         if abs(ratio - 1) < least:
             least, best = abs(ratio - 1), spacing
@@ -335,8 +328,8 @@ class _VoxelLevels:
 
 
 def _with_wanted_volumes(points: Points, filling: Filling, wanted: Floats, spacing: float) -> Points:
-    """Move surfaces along their normals until labels have the wanted volumes, as far as dihedral angles let them."""
-    for _ in range(_EFFORT.rounds):
+    """Move surfaces along their normals until volumes are a tenth of `NEAR` off, as far as dihedral angles let them."""
+    for _ in range(ROUNDS):
         heights, is_near = _heights(points, filling.cells, filling.labels, wanted)
         if is_near:
             break
@@ -359,4 +352,4 @@ def _heights(
     np.add.at(areas, (label, beyond), np.linalg.norm(normals(points[faces]), axis=1) / 2)
     flows = (np.diag(areas.sum(axis=1)) - areas)[1:, 1:]
     heights = np.append(0, np.linalg.lstsq(flows, lacking)[0])
-    return heights, bool((np.abs(lacking) < _EFFORT.volume_near * wanted).all())
+    return heights, bool((np.abs(lacking) < NEAR / 10 * wanted).all())

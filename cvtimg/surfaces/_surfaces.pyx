@@ -7,14 +7,9 @@ import numpy as np
 
 from libc.stdint cimport int32_t, uint8_t
 
-from cvtimg.halfedges.half_edges cimport end_of, half_edges, seen, squared_distance
+from cvtimg.halfedges.half_edges cimport end_of, flip_all, half_edges, seen, squared_distance
 
 cdef extern from "geometry.h" nogil:
-    ctypedef int edge_test(const half_edges *mesh, const double *values, int32_t e)
-    Py_ssize_t flip_all(
-        half_edges *mesh, double *values, edge_test may_flip, edge_test should_flip, int32_t n_edges, int32_t *stack,
-        uint8_t *waiting, Py_ssize_t most,
-    )
     int may_turn(const half_edges *mesh, const double *normals, int32_t e)
     int should_turn(const half_edges *mesh, const double *normals, int32_t e)
     int collapse_edge(half_edges *mesh, const double *normals, double most, int32_t e, int back)

@@ -53,7 +53,7 @@ def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Floats, n_fac
     cosines = np.einsum("ij,ij->i", normals.repeat(3, axis=0), normals[beyond // 3])
     creased = ~is_other & (cosines < np.cos(np.radians(angle)) - 1e-12)
     first = edge == np.arange(len(edge))
-    broad = _is_broad(mesh, first & (creased | is_other), creased & first, normals, sizes, angle, n_faces)
+    broad = _is_broad(mesh, first & (creased | is_other), creased & first, sizes, angle, n_faces)
     creased &= broad[edge]
     return is_other | (creased & _is_long(mesh, creased, sizes))
 
@@ -67,13 +67,7 @@ def extra_points(mesh: SurfaceTriangulation, sizes: Floats) -> float:
 
 
 def _is_broad(
-    mesh: SurfaceTriangulation,
-    features: Bools,
-    creased: Bools,
-    normals: Points,
-    sizes: Floats,
-    angle: float,
-    n_faces: int,
+    mesh: SurfaceTriangulation, features: Bools, creased: Bools, sizes: Floats, angle: float, n_faces: int
 ) -> Bools:
     """Tell which half-edges (3 T,), of those creased, are creases of the surfaces around, not of single faces or noise.
 
@@ -83,6 +77,7 @@ def _is_broad(
     broad = np.zeros(len(creased), bool)
     if not len(halves):
         return broad
+    normals = mesh.face_normals()
     halves = halves[~_is_flat(mesh, halves // 3, sizes, _SEEN.flat * angle)]
     ends, twins = mesh.edges[halves], mesh.twins.ravel()
     inner = np.flatnonzero(~features & (twins >= 0) & (twins < np.arange(len(twins))))

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import MOST_IN_MEMORY
 from cvtimg._shared.checks import check_finite, check_in_range, check_places, check_positive, check_shape, check_that
 from cvtimg._shared.types import Points, Triangles
-from cvtimg.meshes.planning import MOST_VERTICES
 from cvtimg.placement import Box
 from cvtimg.placement.implicit import ImplicitFunction
 from cvtimg.surfaces.surface import Surface
@@ -86,7 +86,7 @@ class ImplicitSurface(Surface):
 
         lower, sides = self.box.bounds[0], self.box.sides
         counts = np.maximum(np.ceil(sides / spacing).astype(int), 2)
-        most = 2 * MOST_VERTICES
+        most = 2 * MOST_IN_MEMORY
         check_that(f"spacing={spacing:g}", np.prod(counts + 1.0) < most, f"give fewer than {most} cubes")
         axes = [low + np.linspace(0, side, n + 1) for low, side, n in zip(lower, sides, counts, strict=True)]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

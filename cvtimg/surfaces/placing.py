@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import cvtimg.surfaces._surfaces as _surfaces
+from cvtimg._shared.budgets import MOST_IN_MEMORY
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, refuse_type
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.types import Floats, Indices, Points, Triangles
-from cvtimg.meshes.planning import MOST_VERTICES
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces.features import extra_points, find_features, place_on_curves
@@ -112,7 +112,7 @@ def surface_points(
     """
     shape = as_surface(surface, weld)
     n = check_at_least("n", n, 4, "the corners of a tetrahedron")
-    check_in_range("n", n, n <= MOST_VERTICES, f"at most {MOST_VERTICES}")
+    check_in_range("n", n, n <= MOST_IN_MEMORY, f"at most {MOST_IN_MEMORY}")
     check_choice("effort", effort, EFFORTS)
     if not (density is None or callable(density) or np.ndim(density) == 0):
         refuse_type("density", type(density).__name__, "a number or a function of points")
@@ -162,13 +162,13 @@ class _Start:
 
 def _placed(surface: Surface, start: _Start, effort: SurfaceEffort) -> SurfacePoints:
     """Move points, and measure their cells."""
-    fine, sizes, sites, used = start.fine, start.sizes, start.sites, start.used
-    mesh = SurfaceTriangulation(start.goals[sites[used]], start.triangles)
-    offset, n_iter = _relax(surface, fine, mesh, used, sizes.density, effort)
+    sites = start.sites[start.used]
+    mesh = SurfaceTriangulation(start.goals[sites], start.triangles)
+    offset, n_iter = _relax(surface, start, mesh, effort)
     # The sides of a cut become one again.
-    _, first, joined = np.unique(sites[used], return_index=True, return_inverse=True)
+    _, first, joined = np.unique(sites, return_index=True, return_inverse=True)
     points, triangles = mesh.points[first], joined.astype(np.int32)[mesh.triangles]
-    masses, energy = _measured(fine, points, sizes.given)
+    masses, energy = _measured(start.fine, points, start.sizes.given)
     return SurfacePoints(points, triangles, masses, energy, offset, n_iter)
 
 
@@ -206,26 +206,19 @@ def _collapsed(
     return used.astype(np.intp), corners.reshape(-1, 3).astype(np.int32), n_left + len(kept)
 
 
-def _relax(
-    surface: Surface,
-    fine: SurfaceTriangulation,
-    mesh: SurfaceTriangulation,
-    used: Indices,
-    density: Density,
-    effort: SurfaceEffort,
-) -> tuple[float, int]:
-    """Move points, used vertices of `fine`, to the centers of mass of their cells, projected to the surface.
+def _relax(surface: Surface, start: _Start, mesh: SurfaceTriangulation, effort: SurfaceEffort) -> tuple[float, int]:
+    """Move points to the centers of mass of their cells, projected to the surface.
 
     Those on its boundary stay. Returns the offset and the moves.
     """
-    move, last = 0, effort.moves
+    move, last, fine, used = 0, effort.moves, start.fine, start.used
     fixed = mesh.on_boundary()
     goals, outward = mesh.points[fixed], fine.normals()[used[fixed]]
     mesh.points, normals, faces = surface.nearest(mesh.points, fine.face_of_each()[used], fine)
     mesh.points[fixed], normals[fixed] = goals, outward
     while True:
         mesh.flip(normals)
-        _, steps = mesh.moments(density(mesh.points))
+        _, steps = mesh.moments(start.sizes.density(mesh.points))
         if move % effort.rest == 0:
             sizes = np.sqrt(mesh.vertex_areas())
         lengths = np.linalg.norm(steps, axis=1)
