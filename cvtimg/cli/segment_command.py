@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cvtimg._shared.budgets import MAX_COLORS
+from cvtimg.batch.plans import Pattern, check_suffix
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, only, plan_of, planned
-from cvtimg.cli.segment_outputs import OF_LINES, JointTable, check_room, kind_of, outputs_of, write_outputs
+from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS, OF_LINES, kind_of
 
 if TYPE_CHECKING:
     from cvtimg.segmentation.result import Segmentation
@@ -35,7 +38,7 @@ _WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", 
 _MEASURED = ("smallest_detail", "edge_weight", "averaging", "volume_power", "shading")
 COLUMNS = ("input", "k", "edge_weight", "regions", "edge_length", "seconds", "output")
 #: Modules that tasks import.
-_LATE = ("cvtimg.segmentation.files", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
+_LATE = ("cvtimg.cli.segment_outputs", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
 #: Options that only counting without -k takes.
 _COUNTED = ("diameter", "min_contrast", "exclude_edges")
@@ -81,8 +84,39 @@ def segment(given: Given) -> Todo:
     more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
     columns = COUNTED if counts else COLUMNS
     columns = (*columns[:2], *more, *columns[2:])
-    report = JointTable(given.table, plan, columns, given) if given.table else columns
-    return planned(plan, _segment, report, given, late=_LATE)
+    if given.table:
+        from cvtimg.cli.segment_outputs import JointTable
+
+        return planned(plan, _segment, JointTable(given.table, plan, columns, given), given, late=_LATE)
+    return planned(plan, _segment, columns, given, late=_LATE)
+
+
+def outputs_of(given: Given) -> dict[str, Path | Pattern]:
+    """Name the outputs of each image, by option."""
+    kinds = KINDS | HIERARCHY_KINDS if given.hierarchy else KINDS
+    outputs: dict[str, Path | Pattern] = {}
+    for item in given.write or ():
+        kind, dot, end = item.partition(".")
+        if kind not in kinds:
+            needs = " without --hierarchy" if kind in HIERARCHY_KINDS else ""
+            raise WrongUsageError(f"--write: {kind!r} must be one of {', '.join(kinds)}{needs}")
+        suffix = dot + end.lower() if dot else kinds[kind][0]
+        check_suffix(f"--write {kind}", Path(f"{kind}{suffix}"), kinds[kind])
+        outputs[f"--write {kind}{suffix}"] = f"{{}}-{kind}{suffix}"
+    for kind in kinds:
+        if path := given.output if kind == "labels" else getattr(given, kind):
+            outputs["-o" if kind == "labels" else f"--{kind}"] = path
+    return outputs or {"-o": _name_of_labels}
+
+
+def _name_of_labels(source: Path) -> str:
+    """Return the pattern of an output that is not named: one file for all pages."""
+    from cvtimg.pictures import image_info
+
+    with suppress(OSError):  # which is told when the file is read
+        if source.suffix.lower() in (".tif", ".tiff") and image_info(source).kind == "pages":
+            return "{}-labels.tif"
+    return "{}-labels.png"
 
 
 def _check(given: Given, counts: bool) -> None:
@@ -103,6 +137,7 @@ def _check(given: Given, counts: bool) -> None:
 
 
 def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
+    from cvtimg.cli.segment_outputs import check_room, write_outputs
     from cvtimg.pictures import open_stack
     from cvtimg.segmentation.files import divide_stack
 

@@ -1,69 +1,40 @@
-"""The files that ``cvtimg segment`` writes for images: their names, how each is drawn, and the table of all inputs."""
-
-from __future__ import annotations
+"""The files that ``cvtimg segment`` writes for images: how each is drawn, and the table of all inputs."""
 
 import csv
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from cvtimg.batch.plans import Pattern, Plan, check_suffix
+import numpy as np
+
+from cvtimg import find_contours, find_edges, write_image
+from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Array
+from cvtimg.batch.plans import Plan
 from cvtimg.batch.report import Report
 from cvtimg.batch.tasks import Row, Task, WrongUsageError
 from cvtimg.files.remote import exists, local_copy
+from cvtimg.labels import mean_picture, region_table, write_contours, write_labels, write_table
+from cvtimg.labels.formats import Drawing
 from cvtimg.options.record import Given
-from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS
+from cvtimg.options.segment_options import OF_LINES, kind_of
+from cvtimg.pictures import ImageInfo, Pages, open_stack, read_scale, write_pages
+from cvtimg.pictures.formats.encoding import as_stored
+from cvtimg.pictures.formats.opening import selected, selecting
+from cvtimg.pictures.formats.stored import place_of
+from cvtimg.pictures.pages import PAGE_SUFFIXES
+from cvtimg.pictures.showing import limits_to_show, shown
+from cvtimg.plotting import contour_drawing
+from cvtimg.plotting.sheets import draw_edges
+from cvtimg.segmentation import RegionHierarchy, file_table
+from cvtimg.segmentation.counting import at_edges
+from cvtimg.segmentation.files import DividedStack
 
-if TYPE_CHECKING:
-    from cvtimg._shared.types import Array
-    from cvtimg.labels.formats import Drawing
-    from cvtimg.pictures import Pages
-    from cvtimg.pictures.files import ImageInfo
-    from cvtimg.segmentation import RegionHierarchy
-    from cvtimg.segmentation.files import DividedStack
-
-#: Options of --contours as lines, with the chance that a person draws each.
-OF_LINES = ("chance", "strongest")
 #: Kinds of output that are images, one of each page, and those that hold a single page.
 _IMAGES, _OF_ONE = ("labels", "mean", "edges", "overlay", "strengths", "masks"), ("tree", "strengths")
-
-
-def outputs_of(given: Given) -> dict[str, Path | Pattern]:
-    """Name the outputs of each image, by option."""
-    kinds = KINDS | HIERARCHY_KINDS if given.hierarchy else KINDS
-    outputs: dict[str, Path | Pattern] = {}
-    for item in given.write or ():
-        kind, dot, end = item.partition(".")
-        if kind not in kinds:
-            needs = " without --hierarchy" if kind in HIERARCHY_KINDS else ""
-            raise WrongUsageError(f"--write: {kind!r} must be one of {', '.join(kinds)}{needs}")
-        suffix = dot + end.lower() if dot else kinds[kind][0]
-        check_suffix(f"--write {kind}", Path(f"{kind}{suffix}"), kinds[kind])
-        outputs[f"--write {kind}{suffix}"] = f"{{}}-{kind}{suffix}"
-    for kind in kinds:
-        if path := given.output if kind == "labels" else getattr(given, kind):
-            outputs["-o" if kind == "labels" else f"--{kind}"] = path
-    return outputs or {"-o": _name_of_labels}
-
-
-def _name_of_labels(source: Path) -> str:
-    """Return the pattern of an output that is not named: one file for all pages."""
-    from cvtimg.pictures import image_info
-
-    with suppress(OSError):  # which is told when the file is read
-        if source.suffix.lower() in (".tif", ".tiff") and image_info(source).kind == "pages":
-            return "{}-labels.tif"
-    return "{}-labels.png"
-
-
-def kind_of(option: str) -> str:
-    """Return the kind of output that an option names: "--mean", "--write mean.png", or "-o" for labels."""
-    return "labels" if option == "-o" else option.removeprefix("--").removeprefix("write ").partition(".")[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +66,6 @@ class Subject:
     @cached_property
     def drawing(self) -> Drawing:
         """The borders of the segments, in the coordinates of the file."""
-        from cvtimg import find_contours
-        from cvtimg.plotting import contour_drawing
-
         image, off = self.image if self.given.subpixel else None, self.given.simplify
         contours = find_contours(self.labels, image, tolerance=off)
         drawing = contour_drawing(contours, self.labels, self.image)
@@ -115,10 +83,6 @@ class Subject:
     @property
     def table(self) -> dict[str, Array]:
         """The segments in rows, with their place in the stack."""
-        import numpy as np
-
-        from cvtimg.segmentation import file_table
-
         how = {"channels": self.channels, "objects": self.given.objects, "info": self.header}
         table = file_table(self.source, self.labels, self.measured, self.given.properties or (), **how)
         n_rows = len(table["label"])
@@ -127,8 +91,6 @@ class Subject:
 
 def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
     """Refuse outputs that hold one page alone, before several are segmented."""
-    from cvtimg.pictures.pages import PAGE_SUFFIXES
-
     if n_pages == 1:
         return
     for option, path in outputs.items():
@@ -142,8 +104,6 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
 
 def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume: bool) -> dict[str, Array] | None:
     """Write what was asked for; of several pages, all into one file. Return the table for that of all inputs."""
-    from cvtimg.labels import write_contours, write_table
-
     places = [{}] if divided.pages is None else divided.pages.places
     tree = divided.results[0].hierarchy if divided.pages is None else None
     header = divided.header
@@ -169,10 +129,6 @@ def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume:
 
 def _channels(source: Path, given: Given) -> tuple[Sequence[Array], Sequence[str]]:
     """Read the channels that --measure names, of all pages, whichever channel is segmented."""
-    from cvtimg.pictures import open_stack
-    from cvtimg.pictures.formats.opening import selected, selecting
-    from cvtimg.pictures.formats.stored import place_of
-
     with selecting(replace(selected(), channel=None, composite=None)):
         stack = open_stack(source, frames=False)
     images = [image.reshape(*image.shape[:2], -1) for image in stack.images]
@@ -186,11 +142,6 @@ def _channels(source: Path, given: Given) -> tuple[Sequence[Array], Sequence[str
 
 
 def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> None:
-    from cvtimg import write_image
-    from cvtimg.labels.files import write_labels
-    from cvtimg.pictures import read_scale
-    from cvtimg.pictures.formats.encoding import as_stored
-
     if kind == "labels":
         write_labels(path, subject.labels, metadata=read_scale(subject.source, nodata=0), overwrite=overwrite)
         return
@@ -199,11 +150,6 @@ def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> No
 
 
 def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Pages, overwrite: bool) -> None:
-    import numpy as np
-
-    from cvtimg.pictures import write_pages
-    from cvtimg.pictures.showing import limits_to_show, shown
-
     if kind == "labels":
         dtype = np.min_scalar_type(max(int(subject.labels.max()) for subject in subjects))
         images = [subject.labels.astype(dtype) for subject in subjects]
@@ -219,11 +165,6 @@ def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Page
 
 
 def _drawn(kind: str, subject: Subject, path: Path) -> Array:
-    import numpy as np
-
-    from cvtimg import find_edges
-    from cvtimg.labels import mean_picture
-
     given, image, labels = subject.given, subject.image, subject.labels
     if kind == "mean":
         return mean_picture(labels, image)
@@ -236,8 +177,6 @@ def _drawn(kind: str, subject: Subject, path: Path) -> Array:
     if kind == "strengths":  # how likely a person draws each edge
         chances = subject.tree.find_edges(strength=True)
         return np.rint(255 * chances).astype(np.uint8) if path.suffix.lower() == ".png" else chances
-    from cvtimg.plotting.sheets import draw_edges
-
     # The fourth of four bands is not alpha: that has been removed.
     image = image[..., :3] if image.shape[2:] == (4,) else image
     color = tuple(bytes.fromhex(given.line_color)[:3])
@@ -245,8 +184,6 @@ def _drawn(kind: str, subject: Subject, path: Path) -> Array:
 
 
 def _table_of(subjects: Sequence[Subject]) -> dict[str, Array]:
-    import numpy as np
-
     in_volume = subjects[0].in_volume
     tables = _tables_of_volumes(subjects) if in_volume else [subject.table for subject in subjects]
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
@@ -254,11 +191,6 @@ def _table_of(subjects: Sequence[Subject]) -> dict[str, Array]:
 
 def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, Array]]:
     """Measure the objects of each frame, in rows with its number."""
-    import numpy as np
-
-    from cvtimg.labels import region_table
-    from cvtimg.segmentation.counting import at_edges
-
     frames: dict[int | None, list[Subject]] = {}
     for subject in subjects:
         frames.setdefault(subject.place.get("t"), []).append(subject)
@@ -272,7 +204,7 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, Array]]:
     return tables
 
 
-Table = Mapping[str, "Array"]
+Table = Mapping[str, Array]
 
 
 class JointTable(Report):
@@ -302,10 +234,6 @@ class JointTable(Report):
 
     def finish(self) -> None:
         """Write the table."""
-        import numpy as np
-
-        from cvtimg.labels import write_table
-
         places = {_text(name): place for place, name in enumerate(self._names.values())}
         order = sorted(self._tables, key=lambda name: places.get(name, -1))  # what only an earlier run had comes first
         tables = [{"image": np.full(_n_rows(self._tables[name]), name), **self._tables[name]} for name in order]
@@ -329,12 +257,8 @@ def _n_rows(table: Table) -> int:
 
 def _read(path: Path) -> Table:
     """Read a table that was written here."""
-    import numpy as np
-
     with local_copy(path) as copy:
         if path.suffix.lower() == ".parquet":
-            from cvtimg._shared.extras import optional
-
             parquet = optional("pyarrow.parquet", "parquet", "tables in .parquet need")
             return {name: np.array(column) for name, column in parquet.read_table(copy).to_pydict().items()}
         with copy.open(newline="", encoding="utf-8") as file:

@@ -14,7 +14,7 @@ from urllib.parse import quote
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
@@ -51,19 +51,15 @@ class Server:
             WebSocketRoute("/live", self._live),
         ]
         store = self.store
-
-        def described(key: str) -> Json:
-            return store.entry(key).about
-
         asked: dict[str, Callable[..., Json]] = {
-            "/picture/{key}": described,
+            "/picture/{key}": lambda key: store.entry(key).about,
             "/distinct/{key}": lambda key: {"distinct": store.picture(key).samples.n_colors},
             "/given/{number:int}": self._given,
             "/curve/{picture}/{space}": self._curve,
         }
         sent: dict[str, Callable[[str, bytes], Json]] = {
-            "/picture": lambda name, content: described(store.open_sent(name, content).key),
-            "/sample": lambda name, content: described(store.open_sent("sample.png", _sample()).key),
+            "/picture": store.open_sent,
+            "/sample": lambda name, content: store.open_sent("sample.png", _sample()),
             "/palette": store.open_palette,
             "/forget": lambda name, content: store.forget(),
             "/command": lambda name, content: settings_of(content.decode(errors="replace")),
@@ -71,9 +67,8 @@ class Server:
             "/presets": lambda name, content: self._presets(_understood(content)),
             "/resize": lambda name, content: self._resized(_understood(content)),
         }
-        routes += [
-            Route(address, partial(self._answer, make), methods=["GET", "POST"]) for address, make in asked.items()
-        ]
+        for address, make in asked.items():
+            routes.append(Route(address, partial(self._answer, make), methods=["GET", "POST"]))
         routes += [Route(address, partial(self._take, use), methods=["POST"]) for address, use in sent.items()]
         routes.append(Mount("/", StaticFiles(directory=STATIC, html=True)))
         refused = {UnfitRequestError: lambda request, error: PlainTextResponse(str(error), 422)}
@@ -102,7 +97,7 @@ class Server:
             "megabytes": MOST_BYTES // 10**6,
             "palettes": [{"id": name, "name": name} for name in KNOWN],
         }
-        return JSONResponse(about)
+        return _json(about)
 
     async def _thumbnail(self, request: Request) -> Response:
         return Response(self.store.entry(request.path_params["key"]).thumbnail, media_type="image/png")
@@ -139,7 +134,7 @@ class Server:
         return self.store.entry(self.store.key_of(self._paths[number])).about
 
     def _resized(self, asked: Json) -> Json:
-        return self.store.entry(self.store.resized(opened(self.store, asked), asked.get("width")).key).about
+        return self.store.resized(opened(self.store, asked), asked.get("width"))
 
     def _curve(self, picture: str, space: SpaceName) -> Json:
         curve = self.store.picture(picture).curve(space, wait=True)
@@ -197,6 +192,7 @@ def _sample() -> bytes:
 
 
 def _json(answer: Json) -> Response:
+    # In letters of ASCII: names of files need not be valid text.
     return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
 
 

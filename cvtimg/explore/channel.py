@@ -21,6 +21,7 @@ from typing import Any, Generic, TypeVar
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from cvtimg._shared.budgets import PIXELS_AT_ONCE, ROWS_AT_ONCE
 from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.progress import watched
@@ -28,16 +29,11 @@ from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Window, packed
 from cvtimg.explore.outcomes import Outcome, fitting
 from cvtimg.explore.store import Store
-from cvtimg.explore.tabs import EXACT_PIXELS, TABS, frame_of, opened, requested
+from cvtimg.explore.tabs import TABS, frame_of, opened, requested
 from cvtimg.explore.tabs.base import Request, Tab
 
 #: Seconds between messages of how far a search is.
 _PATIENCE = 0.2
-#: Pixels from which on what a picture took tells of larger ones.
-_TELLING = 1e6
-_LONGEST = 1 << 19
-
-
 T = TypeVar("T")
 
 
@@ -103,7 +99,7 @@ class Channel:
 
     async def _take(self, text: str) -> None:
         try:
-            request = json.loads(text) if len(text) <= _LONGEST else None
+            request = json.loads(text)
         except (ValueError, RecursionError):
             request = None
         asked: Json = request if isinstance(request, dict) else {}
@@ -140,7 +136,7 @@ class Channel:
         number = asked["seq"]
         if lane == "before":
             picture = opened(self._store, asked)
-            window = Window.of(asked.get("view"), picture.size, EXACT_PIXELS)
+            window = Window.of(asked.get("view"), picture.size, PIXELS_AT_ONCE)
             about = {"lane": lane, "picture": asked.get("picture")}
             await self._socket.send_bytes(
                 await run_in_threadpool(lambda: packed(number, about, picture.seen(window), window, window))
@@ -161,7 +157,7 @@ class Channel:
                 key, outcome = "", tab.draft(request)
             else:
                 outcome = tab.exact(request)
-                if request.opened and math.prod(request.size) > _TELLING:
+                if request.opened and math.prod(request.size) > ROWS_AT_ONCE:  # a small one does not tell of large ones
                     self._paces[tab.name] = (time.monotonic() - begun) / tab.work(request, outcome)
             about["seconds"] = self._paces.get(tab.name, tab.pace) * tab.work(request, outcome)
             if outcome is None:

@@ -40,6 +40,8 @@ def number(text: str) -> float:
         raise UnfitRequestError(f"{text[:40]!r} must be a number") from error
 
 
+#: Letters of a text or a name.
+LONGEST_TEXT = 120
 #: What the page is not told of a control.
 _OWN = ("flag", "keyword", "to", "always", "suffix", "none")
 
@@ -150,7 +152,7 @@ class Several(Control):
     """A list of at most `most` values; on the command line the option is repeated for each."""
 
     default: tuple[Any, ...] = ()
-    most: int = 64
+    most: int = 1000
 
     def parse(self, value: object) -> tuple[Any, ...]:
         if not isinstance(value, list) or len(value) > self.most:
@@ -158,7 +160,7 @@ class Several(Control):
         return tuple(map(self.parse_one, value))
 
     def parse_one(self, value: object) -> Any:
-        if not isinstance(value, str) or len(value) > 64:
+        if not isinstance(value, str) or len(value) > LONGEST_TEXT:
             raise self.refuse(value, "a short text")
         return value
 
@@ -166,8 +168,6 @@ class Several(Control):
 @dataclass(frozen=True, kw_only=True)
 class Swatches(Several):
     """Colors as #rrggbb in an order of their own, which the page edits in the result."""
-
-    most: int = 256
 
     def parse_one(self, value: object) -> str:
         if not isinstance(value, str) or not re.fullmatch("#[0-9a-fA-F]{6}", value):
@@ -179,8 +179,6 @@ class Swatches(Several):
 class Colors(Swatches):
     """Colors, each once."""
 
-    most: int = 64
-
     def parse(self, value: object) -> tuple[Any, ...]:
         return tuple(dict.fromkeys(Swatches.parse(self, value)))
 
@@ -189,11 +187,9 @@ class Colors(Swatches):
 class Entry(Control):
     """A short text on one line."""
 
-    most: int = 80
-
     def parse(self, value: object) -> str:
-        if not isinstance(value, str) or not value.strip() or len(value) > self.most or not value.isprintable():
-            raise self.refuse(value, f"a text of 1..{self.most} letters")
+        if not isinstance(value, str) or not value.strip() or len(value) > LONGEST_TEXT or not value.isprintable():
+            raise self.refuse(value, f"a text of 1..{LONGEST_TEXT} letters")
         return value.strip()
 
 
@@ -225,7 +221,6 @@ class Edits(Several):
     """Changes that are made on the picture, as texts in their order."""
 
     modes: Mapping[str, str]  # What the page offers, with its labels
-    most: int = 1000
 
     def parse_one(self, value: Any) -> str:
         try:
@@ -304,7 +299,7 @@ def _control_of(option: Option, changed: Options) -> Control:
     if isinstance(kind, record.Switch):
         of, about["flag"] = Switch, option.words[-1].rpartition("/")[2] if default else option.flag
     elif isinstance(kind, record.Choice):
-        of, about["choices"] = Choice, {name: kind.labels.get(name, name) for name in kind.names}
+        of, about["choices"] = Choice, kind.labeled
     elif isinstance(kind, record.Text) and kind.labels:
         of, about["choices"], about["to"] = Choice, kind.labels, kind.parse
     elif isinstance(kind, record.Text) and isinstance(default, str) and default != "auto":

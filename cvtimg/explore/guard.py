@@ -21,7 +21,6 @@ from starlette.websockets import WebSocketClose
 ENTRANCE = "/enter"
 #: The header that carries the session.
 SESSION = "x-cvtimg-session"
-_REFUSED = 4403  # code of a closed WebSocket
 
 
 class Credentials:
@@ -96,7 +95,7 @@ class Guard:
         app = self._app
         if refused := self._refused(HTTPConnection(scope)):
             status, why = refused
-            app = WebSocketClose(_REFUSED) if scope["type"] == "websocket" else PlainTextResponse(why, status)
+            app = WebSocketClose(4403) if scope["type"] == "websocket" else PlainTextResponse(why, status)
         try:
             await app(scope, receive, send_guarded)
         except CancelledError:  # the server ends, and waits no longer for what is computed

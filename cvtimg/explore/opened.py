@@ -35,13 +35,11 @@ from cvtimg.pictures.stacks import not_missing
 MOST_PIXELS = 1 << 27
 #: Bytes that a pixel takes, with its colors, their sorting, and a result.
 _BYTES = 48
-#: Length of the energy curve, and pixels of the picture in a small size, which searches for drafts use.
-N_CURVE = 64
-SMALL = 1 << 18
+#: Pixels of all pictures in memory together, but for the last, and of what is kept of each, such as samples of windows
+#: and trees of segments, but for the last two; with its colors a picture takes 16 bytes for each.
+HELD_PIXELS = 1 << 24
 #: Colors of channels, as a page chooses them.
 _TINTS = Swatches(name="tints", label="Colors of channels")
-#: Samples of windows, and trees of segments, that are kept, and pixels of all of them but the last two.
-_KEPT, _MOST_KEPT = 4, 1 << 24
 _MEASURING = ThreadPoolExecutor()  # of energy curves
 
 
@@ -220,7 +218,7 @@ class Picture:
         made = make()
         with self._lock:
             self._kept[key] = made
-            while len(self._kept) > max(2, min(_KEPT, _MOST_KEPT // math.prod(self.size))):
+            while len(self._kept) > max(2, HELD_PIXELS // math.prod(self.size)):
                 self._kept.popitem(last=False)
         return made
 
@@ -235,7 +233,7 @@ class Picture:
         return None
 
     def _measured(self, space: SpaceName) -> EnergyCurve:
-        return energy_curve(self.samples, N_CURVE, space=space, callback=lambda step, energy: self._closed)
+        return energy_curve(self.samples, space=space, callback=lambda step, energy: self._closed)
 
     def close(self, *, wait_for: bool = True) -> None:
         """End what is computed in the background; by default, wait for that."""

@@ -9,22 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cvtimg._shared.choices import Json, Options
-from cvtimg.explore.controls import (
-    Brushed,
-    Control,
-    Edits,
-    Entry,
-    Files,
-    Number,
-    Several,
-    Switch,
-    Switches,
-    Table,
-    UnfitRequestError,
-    active,
-    number,
-    parse_settings,
-)
+from cvtimg.explore import controls
 from cvtimg.explore.tabs import TABS
 from cvtimg.explore.tabs.base import Tab
 from cvtimg.files.whole import write_whole
@@ -45,10 +30,10 @@ def settings_of(text: str) -> Json:
     try:
         *before, (program, verb, *words) = [shlex.split(line.removeprefix("$ ")) for line in text.strip().splitlines()]
     except ValueError as error:
-        raise UnfitRequestError(f"the command cannot be read: {error}") from error
+        raise controls.UnfitRequestError(f"the command cannot be read: {error}") from error
     tabs = [tab for tab in TABS.values() if verb in (tab.verb, *tab.verbs)]
     if program != "cvtimg" or not tabs:
-        raise UnfitRequestError(f"no tab of this page is for {program} {verb}")
+        raise controls.UnfitRequestError(f"no tab of this page is for {program} {verb}")
     earlier = [
         (f"{line[1]} {flag}", value)
         for line in before
@@ -58,11 +43,11 @@ def settings_of(text: str) -> Json:
     # Switches first, and what is repeated last: what others mean may hang on them.
     repeated = {option.flag for option in options_of(verb) if option.many and option.words}
     options = sorted(_options(verb, words), key=lambda option: (option[1] != "", option[0] in repeated))
-    answers, refusals = list[Json](), list[UnfitRequestError]()
+    answers, refusals = list[Json](), list[controls.UnfitRequestError]()
     for tab in tabs:
         try:
             answers.append(_settings_in(tab, earlier, options))
-        except UnfitRequestError as error:
+        except controls.UnfitRequestError as error:
             refusals.append(error)
     if not answers:
         raise refusals[0]
@@ -75,7 +60,7 @@ def _settings_in(tab: Tab, earlier: list[tuple[str, str]], options: list[tuple[s
         settings |= tab.pasted(flag, text)
     is_numbered = any(flag == "-k" for flag, _ in options)
     left = [flag for flag, text in options if not _taken(tab, flag, text, settings, is_numbered)]
-    parse_settings(tab.controls, settings)
+    controls.parse_settings(tab.controls, settings)
     return {"tab": tab.name, "settings": settings, "left": left}
 
 
@@ -113,37 +98,37 @@ def _taken(tab: Tab, flag: str, text: str, settings: Json, is_numbered: bool) ->
         fitting = fitting[-1:]  # pieces of so many segments
     if not fitting:
         return False
-    in_effect = active(tab.controls, parse_settings(tab.controls, settings))
+    in_effect = controls.active(tab.controls, controls.parse_settings(tab.controls, settings))
     control = next((control for control in fitting if control in in_effect), fitting[0])
     settings[control.name] = _value(control, flag, text, settings)
     _bring_into_effect(control, known, settings)
     return True
 
 
-def _flags(control: Control) -> list[str]:
-    if isinstance(control, Brushed):  # whose files belong to one picture
+def _flags(control: controls.Control) -> list[str]:
+    if isinstance(control, controls.Brushed):  # whose files belong to one picture
         return []
-    return [f"--{name}" for name in control.choices] if isinstance(control, Switches) else [control.flag]
+    return [f"--{name}" for name in control.choices] if isinstance(control, controls.Switches) else [control.flag]
 
 
-def _value(control: Control, flag: str, text: str, settings: Json) -> Any:
+def _value(control: controls.Control, flag: str, text: str, settings: Json) -> Any:
     """Return what the page would send for the text of an option."""
-    if isinstance(control, Switches):
+    if isinstance(control, controls.Switches):
         return flag[2:]
-    if isinstance(control, Switch):
+    if isinstance(control, controls.Switch):
         return not control.default
-    if isinstance(control, Table):
+    if isinstance(control, controls.Table):
         cells = zip(control.columns, text.split(",", len(control.columns) - 1), strict=False)
         row = [_value(column, flag, cell, settings) for column, cell in cells]
         return [*settings.get(control.name, []), row]
-    if isinstance(control, Several):
+    if isinstance(control, controls.Several):
         return [*settings.get(control.name, []), text]
-    if isinstance(control, Number) and text != "auto":
-        return number(text.removesuffix(control.suffix))
+    if isinstance(control, controls.Number) and text != "auto":
+        return controls.number(text.removesuffix(control.suffix))
     return text
 
 
-def _bring_into_effect(control: Control, known: dict[str, Control], settings: Json) -> None:
+def _bring_into_effect(control: controls.Control, known: dict[str, controls.Control], settings: Json) -> None:
     for name, values in control.when.items():
         if settings.get(name, known[name].default) not in values:
             settings[name] = values[0]
@@ -160,16 +145,16 @@ def presets() -> Json:
 
 def change_presets(asked: Options) -> Json:
     """Keep the settings of a tab under a name, or forget those of a name if there are none; return all presets."""
-    name = Entry(name="name", label="Name", default="").parse(asked.get("name"))
+    name = controls.Entry(name="name", label="Name", default="").parse(asked.get("name"))
     kept, settings = presets(), asked.get("settings")
     kept.pop(name, None)
     if settings is not None:
         tab = TABS.get(str(asked.get("tab")))
         if tab is None:
-            raise UnfitRequestError("there is no such tab")
-        parse_settings(tab.controls, settings)
+            raise controls.UnfitRequestError("there is no such tab")
+        controls.parse_settings(tab.controls, settings)
         # What is drawn on a picture, and files that were sent, belong to this one.
-        of_picture = {control.name for control in tab.controls if isinstance(control, (Edits, Files))}
+        of_picture = {control.name for control in tab.controls if isinstance(control, (controls.Edits, controls.Files))}
         kept[name] = {"tab": tab.name, "settings": {key: settings[key] for key in settings.keys() - of_picture}}
     _file().parent.mkdir(parents=True, exist_ok=True)
     write_whole(_file(), json.dumps(kept, indent=1).encode(), overwrite=True)

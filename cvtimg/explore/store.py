@@ -19,12 +19,13 @@ import PIL
 from PIL import Image
 
 from cvtimg import read_palette, write_image
+from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.types import Bytes
 from cvtimg.explore.calls import Code, Line, as_python, call, run
-from cvtimg.explore.controls import UnfitRequestError, is_number
-from cvtimg.explore.opened import Picture, most_pixels
+from cvtimg.explore.controls import LONGEST_TEXT, UnfitRequestError, is_number
+from cvtimg.explore.opened import HELD_PIXELS, Picture, most_pixels
 from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
 from cvtimg.palettes.files import known_palettes
 from cvtimg.pictures.formats.encoding import encode_image
@@ -35,12 +36,8 @@ MOST_BYTES = 1 << 28
 _MOST_PICTURES = 12
 #: Bytes of all files that pages send together, which lie on the disk.
 _MOST_SENT = 1 << 32
-#: Pixels of all pictures in memory together, but for the last; with its colors a picture takes 16 bytes for each.
-_MOST_PIXELS = 1 << 24
-#: Greatest width and height of a thumbnail, and pixels of the picture that it is made of.
-_SMALL, _ENOUGH = (144, 96), 1 << 18
-#: Longest name that is kept.
-_LONGEST_NAME = 120
+#: Greatest width and height of a thumbnail.
+_SMALL = (144, 96)
 
 #: Palettes that are always there, by their names.
 KNOWN = {name: (name, colors) for name, colors in known_palettes().items()}
@@ -119,7 +116,7 @@ class Store:
             same = next((key for key, entry in self._entries.items() if entry.path == path), None)
         return same or self._add(str(path), path, secrets.token_hex(8)).key
 
-    def open_sent(self, name: str, content: bytes) -> Picture:
+    def open_sent(self, name: str, content: bytes) -> Json:
         name = _plain(name)
         held = sum(file.stat().st_size for file in Path(self._folder.name).iterdir() if file != self.archive)
         if held + len(content) > _MOST_SENT:
@@ -129,12 +126,12 @@ class Store:
             )
         path = self._stored(name, content)
         try:
-            return self._add(name, path, secrets.token_hex(8))
+            return self._opened(name, path)
         except Exception:
             path.unlink()
             raise
 
-    def resized(self, picture: Picture, width: Any) -> Picture:
+    def resized(self, picture: Picture, width: Any) -> Json:
         """Open a picture in another width by Pillow, made by lines that come before those of its results."""
         height = round(picture.size[0] * width / picture.size[1]) if is_number(width) and 1 <= width <= 1 << 15 else 0
         if picture.array.dtype != np.uint8 or picture.array.shape[2:] not in ((), (3,), (4,)):
@@ -142,15 +139,19 @@ class Store:
         if height < 1 or height * width > most_pixels():
             raise UnfitRequestError("the width must be a number of pixels that leaves a height, and fits in memory")
         size = f"({int(width)}, {height}), PIL.Image.Resampling.LANCZOS"
-        name, key = f"{picture.stem}-{int(width)}.png", secrets.token_hex(8)
+        name = f"{picture.stem}-{int(width)}.png"
         lines = [
             Line("image", picture.python, picture.array),
             Line("small", Code(f"numpy.array(PIL.Image.fromarray(image).resize({size}))")),
         ]
         path = self._stored(name, b"")
         write_image(path, run(lines, {"PIL": PIL})["small"], overwrite=True)
-        self.lines[key] = as_python(lines, call("cvtimg.write_image", name, Code("small")))
-        return self._add(name, path, key)
+        about = self._opened(name, path)
+        self.lines[about["id"]] = as_python(lines, call("cvtimg.write_image", name, Code("small")))
+        return about
+
+    def _opened(self, name: str, path: Path) -> Json:
+        return self.entry(self._add(name, path, secrets.token_hex(8)).key).about
 
     def _add(self, name: str, path: Path, key: str) -> Picture:
         try:
@@ -161,7 +162,7 @@ class Store:
         with self._lock:
             self._entries[key], self._pictures[key] = entry, picture
             while len(held := self._pictures) > 1 and (
-                len(held) > _MOST_PICTURES or sum(math.prod(one.size) for one in held.values()) > _MOST_PIXELS
+                len(held) > _MOST_PICTURES or sum(math.prod(one.size) for one in held.values()) > HELD_PIXELS
             ):
                 held.popitem(last=False)[1].close(wait_for=False)
         return picture
@@ -191,7 +192,7 @@ class Store:
 
 def _small(picture: Picture) -> bytes:
     """Return a small picture as PNG."""
-    small = Image.fromarray(picture.seen(picture.whole(_ENOUGH)).pixels.squeeze())
+    small = Image.fromarray(picture.seen(picture.whole(ENOUGH_SAMPLES)).pixels.squeeze())
     small.thumbnail(_SMALL)
     return encode_image(".png", np.asarray(small))
 
@@ -216,7 +217,7 @@ def _plain(name: str) -> str:
     """Return the name of a file without folders, and without characters that cannot be seen."""
     last = name.replace("\\", "/").rpartition("/")[2]
     seen = "".join(letter for letter in last if letter.isprintable()).strip(". ")
-    return seen[-_LONGEST_NAME:] or "picture"
+    return seen[-LONGEST_TEXT:] or "picture"
 
 
 def _reason(path: Path, error: Exception, name: str) -> str:

@@ -2,7 +2,7 @@
 
 from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg.options import common
-from cvtimg.options.common import file, switch
+from cvtimg.options.common import choice, file, switch
 from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, late, passed
 
 _PAPERS = ("a2", "a3", "a4", "a5", "a6", "letter", "legal", "tabloid")
@@ -54,11 +54,8 @@ STIPPLE = (
     ).on_page("Pen", slider=(0.1, 2), unit="mm", default=0.4),
     common.output(common.IMAGE_OUTPUT, late("artwork.stipples", "suffixes"), standard=".png"),
     common.OUT_DIR,
-    passed(
-        "dots",
-        Choice(("equal", "sized"), {"equal": "one size", "sized": "by tone"}),
-        "One size, or each as large as its ink.",
-        default="equal",
+    choice(
+        "dots", {"equal": "one size", "sized": "by tone"}, "One size, or each as large as its ink.", keyword="dots"
     ).on_page("Sizes"),
     passed(
         "max_ink", Real(0, 1, above=0), "Share of the paper that black covers, up to 1.", metavar="F", default=0.9
@@ -86,11 +83,11 @@ STIPPLE = (
         metavar="COLOR,...",
         excludes=("invert",),
     ).on_page("Colors of pens", default="#000,#e4002b,#0057b8"),
-    passed(
+    choice(
         "tones",
-        Choice(("light", "true"), {"light": "light drawing", "true": "as bright as the image"}),
+        {"light": "light drawing", "true": "as bright as the image"},
         "light: tones follow lightness, with less ink where there is much; true: as bright as the image from afar.",
-        default="light",
+        keyword="tones",
     ).on_page("Tones"),
     switch("invert", "Draw light dots on dark paper.", keyword="invert").on_page("Light on dark"),
     switch("bleed", "Let the frame of the picture cut dots; by default they are whole.", keyword="bleed").on_page(
@@ -115,18 +112,13 @@ STIPPLE = (
     Option(
         "margin", Text(_margin), "Margin around the drawing; by default 10mm on --paper, else 0.", metavar="LENGTH"
     ).on_page("Margin", slider=(0, 50), unit="mm", default="auto"),
-    Option(
+    choice(
         "marks",
-        Choice(("disks", "circles", "points", "line"), {"disks": "filled disks", "line": "one line"}),
+        ("disks", "circles", "points", "line"),
         "What a dot is in .svg: a disk, its outline, a tiny loop that a pen dots, or a place on one line through all.",
-        default="disks",
+        labels={"disks": "filled disks", "line": "one line"},
     ).on_page("Marks"),
-    Option(
-        "fill",
-        Choice(("solid", "spiral")),
-        "Fill disks with color, or with a spiral of the pen's line.",
-        default="solid",
-    ).on_page("Fill"),
+    choice("fill", ("solid", "spiral"), "Fill disks with color, or with a spiral of the pen's line.").on_page("Fill"),
     Option(
         "pen_width", Text(_length), "Width of the pen's line in .svg; by default what suits the dots.", metavar="MM"
     ).on_page("Pen width", slider=(0.05, 2), unit="mm", default="auto"),
@@ -142,11 +134,12 @@ MOSAIC = (
     ),
     common.output(common.IMAGE_OUTPUT, late("artwork.mosaics", "suffixes"), standard=".png"),
     common.OUT_DIR,
-    passed(
+    choice(
         "shape",
-        Choice(("cells", "triangles"), {"cells": "Voronoi cells"}),
+        ("cells", "triangles"),
         "Voronoi cells, or triangles (low poly).",
-        default="cells",
+        labels={"cells": "Voronoi cells"},
+        keyword="shape",
     ).on_page("Shape"),
     passed("palette", Whole(1, MAX_COLORS), "Use only N colors.", "--colors -k").on_page(
         "Colors in all", slider=(2, 64), log=True, default=8

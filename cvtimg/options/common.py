@@ -1,7 +1,7 @@
 """Options that several verbs share, each declared once, and the groups of them that verbs take together."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_args
@@ -95,12 +95,25 @@ palettes = late("palettes.files", "PALETTE_FORMATS.keys")
 meshes = late("meshes.files", "suffixes")
 PLOTS = (".png", ".svg")
 
+# Kinds of options
+
+
+def text(name: str, help: str, metavar: str, **more: Any) -> Option:
+    """Return an option that takes a text as it is."""
+    return Option(name, Text(), help, metavar=metavar, **more)
+
+
+def choice(name: str, names: Collection[str], help: str, labels: Mapping[str, str] = {}, **more: Any) -> Option:
+    """Return an option that is one of a few names, by default the first."""
+    return Option(name, Choice(names, labels), help, default=next(iter(names)), **more)
+
+
 # Inputs and outputs
 
 
 def inputs(help: str, metavar: str, *, name: str = "inputs", required: bool = True) -> Option:
     """Return the option of what comes without a flag."""
-    return Option(name, Text(), help, flags="", metavar=metavar, required=required, many=True)
+    return text(name, help, metavar, flags="", required=required, many=True)
 
 
 IMAGES = inputs(
@@ -142,10 +155,8 @@ READING = (
     Option(
         "channel_axis", Whole(0, 2), "Axis of the bands in .npy arrays: 0 for (bands, height, width).", metavar="AXIS"
     ),
-    Option(
-        "axes", Text(), "Axes of a stack, where its file does not name them: letters of T, C, Z, Y, X.", metavar="TCZYX"
-    ),
-    Option("channel", Text(), "Read only this channel, by its name or number.", metavar="NAME|N"),
+    text("axes", "Axes of a stack, where its file does not name them: letters of T, C, Z, Y, X.", "TCZYX"),
+    text("channel", "Read only this channel, by its name or number.", "NAME|N"),
     Option(
         "composite",
         Text(_tints),
@@ -170,9 +181,7 @@ NODATA = Option(
     "Ignore pixels with the value V in every band; by default the nodata value of a GeoTIFF.",
     metavar="V",
 )
-MISSING = Option(
-    "missing", Choice(("error", "drop")), "What to do with rows of tables that lack a value.", default="error"
-)
+MISSING = choice("missing", ("error", "drop"), "What to do with rows of tables that lack a value.")
 PALETTE_OUTPUT = file("save_palette", f"Write the palette, {PALETTE_NAMES}; for one input.", palettes)
 
 # The method
@@ -235,12 +244,7 @@ BATCH = (
         "Number of inputs processed at the same time, each by a core; by default one per core where that is faster.",
         "--jobs -j",
     ),
-    Option(
-        "dask",
-        Text(),
-        "Run on a Dask cluster: tcp://HOST:PORT, or local to start one on this machine.",
-        metavar="ADDRESS",
-    ),
+    text("dask", "Run on a Dask cluster: tcp://HOST:PORT, or local to start one on this machine.", "ADDRESS"),
 )
 
 #: Of ``cvtimg explore``.

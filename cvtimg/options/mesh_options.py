@@ -1,7 +1,7 @@
 """Options of ``cvtimg mesh``, ``cvtimg surface`` and ``cvtimg sphere``."""
 
 from cvtimg.options import common
-from cvtimg.options.common import file, switch
+from cvtimg.options.common import file, switch, text
 from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, passed
 
 OUT_DIR = common.out_dir("Folder for outputs NAME.vtu.")
@@ -88,7 +88,7 @@ MESH = (
         metavar="NAME=LABEL|NAME=X0,Y0,X1,Y1",
         many=True,
     ),
-    Option("name_by", Text(), "Property of GeoJSON features that names regions.", metavar="PROPERTY", default="name"),
+    text("name_by", "Property of GeoJSON features that names regions.", "PROPERTY", default="name"),
     common.output("Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.", common.meshes),
     OUT_DIR,
     switch("measures", "Report the eight measures of mesh quality."),
@@ -138,12 +138,11 @@ SPHERE = (
         "Optional with --cell-width, whose widths it scales.",
         "--points -n",
     ).on_page("Points", slider=(12, 163842), log=True, low=12, high=163842, default=2562),
-    Option(
+    text(
         "cell_width",
-        Text(),
         "Width of cells on the earth in km, such as 30km: the mean distance from a point to its neighbors. Or a map of "
         "widths: .nc with cellWidth, lat and lon, or an image, twice as wide as high.",
-        metavar="KM|FILE",
+        "KM|FILE",
         excludes=("density",),
     ).on_page("Width", slider=(60, 2000), log=True, low=60, high=5000, default=480, unit="km"),
     common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
@@ -153,12 +152,11 @@ SPHERE = (
         metavar="IMAGE",
         role="reads",
     ),
-    Option(
+    text(
         "refine",
-        Text(),
         "Make cells RATIO times finer in a circle (all in degrees); or IMAGE,RATIO: where a map is bright. With "
         "--cell-width: LON,LAT,RADIUS,WIDTH and perhaps TRANSITION, lengths in km. Repeat it for more.",
-        metavar="LON,LAT,RADIUS,RATIO",
+        "LON,LAT,RADIUS,RATIO",
         many=True,
     ),
     file(
@@ -175,13 +173,7 @@ SPHERE = (
         needs=("within",),
         role="reads",
     ),
-    Option(
-        "within",
-        Text(),
-        "Circle of --parent that gets new points, in degrees.",
-        metavar="LON,LAT,RADIUS",
-        needs=("parent",),
-    ),
+    text("within", "Circle of --parent that gets new points, in degrees.", "LON,LAT,RADIUS", needs=("parent",)),
     file(
         "land",
         "Remove the cells whose points are on land: a map with white land, polygons, or `earth` for coasts at 1:110 "
@@ -189,21 +181,19 @@ SPHERE = (
         metavar="FILE|earth",
         role="reads",
     ),
-    Option(
+    text(
         "strait",
-        Text(),
         "Point, or line of points, in degrees, whose cells stay sea; or a .geojson file of them. Repeat it for more.",
-        metavar="LON,LAT[,LON,LAT...]",
+        "LON,LAT[,LON,LAT...]",
         many=True,
         needs=("land",),
     ),
     switch("all_seas", "Keep lakes and inland seas.", needs=("land",)),
     switch("keep_bays", "Keep bays of single cells.", needs=("land",)),
-    Option(
+    text(
         "region",
-        Text(),
         "Keep the cells in a circle or a box, in degrees, or in polygons, and layers of cells around them.",
-        metavar="LON,LAT,RADIUS|WEST,SOUTH,EAST,NORTH|FILE",
+        "LON,LAT,RADIUS|WEST,SOUTH,EAST,NORTH|FILE",
     ),
     Option("layers", Whole(0, 1000), "Layers of cells around --region.", default=7, needs=("region",)),
     Option(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, get_args
 from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.choices import DitherName, GoalName
 from cvtimg.options import common
-from cvtimg.options.common import file, switch
+from cvtimg.options.common import choice, file, switch, text
 from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
 
 if TYPE_CHECKING:
@@ -119,14 +119,14 @@ QUANTIZE = (
         excludes=("number=auto",),
     ).on_page("File at most", slider=(4, 4000), log=True, unit="kB", suffix="kB", low=1, high=10**6, default=100),
     common.SPACE.on_page("Color space", about="Where distances between colors are measured."),
-    passed(
+    choice(
         "dither",
-        Choice(("none", *get_args(DitherName))),
+        ("none", *get_args(DitherName)),
         "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise or bayer; "
         "or compact, for a small file.",
         metavar="NAME",
-        default="none",
         to=_unless_none,
+        keyword="dither",
     ).on_page("Dither"),
     passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
         "Dither strength"
@@ -191,11 +191,10 @@ QUANTIZE = (
     ),
     common.output(common.IMAGE_OUTPUT, _images, standard=".png"),
     common.OUT_DIR,
-    Option(
+    text(
         "ext",
-        Text(),
         "End of the names of outputs, such as -small.png or .webp; without --out-dir they go beside the inputs.",
-        metavar="END",
+        "END",
         excludes=("in_place",),
     ),
     switch(
@@ -238,11 +237,10 @@ PALETTE = (
         excludes=("space",),
     ),
     _LOCK._replace(needs=("number",)),
-    Option(
+    choice(
         "sort",
-        Choice(("share", "lightness", "hue")),
+        ("share", "lightness", "hue"),
         "Order of the colors: by share, the largest first, lightness, the darkest first, or hue, grays first.",
-        default="share",
     ).on_page("Sort by"),
     common.SPACE.on_page("Color space", about="Where distances between colors are measured."),
     common.PALETTE_OUTPUT,

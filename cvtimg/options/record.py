@@ -5,7 +5,7 @@ commands that the page shows are made from these records.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial, reduce
 from importlib import import_module
@@ -74,10 +74,16 @@ class Whole(Real):
 
 
 class Choice(NamedTuple):
-    """One of a few names; the page shows those in `labels` by their labels."""
+    """One of a few names; the page shows those in `labels`, or in `names` where that is a mapping, by their labels."""
 
-    names: Sequence[str]
+    names: Collection[str]
     labels: Mapping[str, str] = {}
+
+    @property
+    def labeled(self) -> dict[str, str]:
+        """What the page shows of each name."""
+        labels = self.names if isinstance(self.names, Mapping) else self.labels
+        return {name: labels.get(name, name) for name in self.names}
 
     def parse(self, text: Any) -> Any:
         """Return the name that a text is."""

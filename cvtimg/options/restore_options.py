@@ -7,7 +7,7 @@ from typing import get_args
 from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.choices import AlignName, AutoEffortName, NoiseName
 from cvtimg.options import common
-from cvtimg.options.common import file, switch
+from cvtimg.options.common import choice, file, switch
 from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passed
 
 
@@ -55,13 +55,11 @@ RESTORE = (
     switch("fill_transparent", "Fill also what is transparent in all versions alike, which stays so by default."),
     passed("weights", Text(_weights), "Weight of each version; by default from its noise.", metavar="W,W,.."),
     switch("align", "Move each version onto the first.").on_page("Align versions"),
-    Option(
+    choice(
         "motion",
-        Choice(
-            ("auto", *get_args(AlignName)[1:]), {"auto": "the simplest that fits", "euclidean": "rotation, translation"}
-        ),
+        ("auto", *get_args(AlignName)[1:]),
         "How versions moved; euclidean is rotation and translation, auto the simplest that fits.",
-        default="auto",
+        labels={"auto": "the simplest that fits", "euclidean": "rotation, translation"},
         needs=("align",),
     ).on_page("Motion"),
     switch(
@@ -100,29 +98,23 @@ RESTORE = (
         metavar="F",
         default=1.0,
     ).on_page("Chroma", slider=(0, 1)),
-    passed(
+    choice(
         "hidden",
-        Choice(
-            ("outliers", "background", "motion", "none"),
-            {
-                "outliers": "leave out outliers",
-                "background": "leave out background",
-                "motion": "leave out what moved",
-                "none": "use all",
-            },
-        ),
+        {
+            "outliers": "leave out outliers",
+            "background": "leave out background",
+            "motion": "leave out what moved",
+            "none": "use all",
+        },
         "Where versions disagree, leave out the outliers, the background, what moved since the first, or none.",
-        default="outliers",
+        keyword="hidden",
     ).on_page("Disagreement"),
-    passed(
+    choice(
         "renormalize",
-        Choice(
-            ("range", "median", "none"),
-            {"range": "as in the versions", "median": "median of a segment", "none": "keep"},
-        ),
+        {"range": "as in the versions", "median": "median of a segment", "none": "keep"},
         "How to undo the loss of contrast where some versions are painted over.",
-        default="range",
         excludes=("detail",),
+        keyword="renormalize",
     ).on_page("Contrast"),
     passed(
         "edge_weight",

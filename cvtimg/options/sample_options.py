@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg.options import common
-from cvtimg.options.common import file, switch
+from cvtimg.options.common import choice, file, switch, text
 from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole, late, passed
 
 
@@ -16,27 +16,24 @@ def _labels() -> Sequence[str]:
 
 #: How tables are read.
 _TABLE = (
-    Option(
+    text(
         "columns",
-        Text(),
         "Columns of tables to use; by default all of numbers but the weight and those that only number the rows.",
-        metavar="A,B,C",
+        "A,B,C",
     ),
-    Option("weight", Text(), "Column with the weight of each row.", metavar="COLUMN"),
+    text("weight", "Column with the weight of each row.", "COLUMN"),
     switch("standardize", "Scale each column to mean 0 and variance 1."),
     common.MISSING,
-    Option(
-        "delimiter", Text(), "Letter between the values of a text table, or tab; by default as it seems.", metavar="C"
-    ),
+    text("delimiter", "Letter between the values of a text table, or tab; by default as it seems.", "C"),
     Option("decimal", Choice((".", ",")), "Decimal sign of a text table; by default as it seems."),
-    Option("encoding", Text(), "Encoding of a text table, such as cp1252; by default as it seems.", metavar="NAME"),
+    text("encoding", "Encoding of a text table, such as cp1252; by default as it seems.", "NAME"),
     Option(
         "header",
         Switch(),
         "The first row has the names of columns, or none; by default as it seems.",
         "--header/--no-header",
     ),
-    Option("missing_values", Text(), "More marks of missing values, such as '-999,unknown'.", metavar="A,B,C"),
+    text("missing_values", "More marks of missing values, such as '-999,unknown'.", "A,B,C"),
 )
 
 CLUSTER = (
@@ -73,7 +70,7 @@ CLUSTER = (
 ELBOW = (
     common.IMAGES._replace(help="Images, tables (as cvtimg cluster reads), folders or patterns like 'a/*.png'."),
     Option("k_max", Whole(1, 4096), "Largest number of generators to try.", default=64, keyword="n_max"),
-    Option("rule", Choice(("chord", "variance", "psnr")), "Rule that picks the number of generators.", default="chord"),
+    choice("rule", ("chord", "variance", "psnr"), "Rule that picks the number of generators."),
     Option(
         "target",
         Real(0),
@@ -137,22 +134,19 @@ DESIGN = (
         "--latin/--no-latin",
         default=True,
     ).on_page("Latin", about="Each of N slices along each axis has one point."),
-    passed(
+    choice(
         "criterion",
-        Choice(("cvt", "maximin", "projection", "discrepancy"), _CRITERIA),
+        _CRITERIA,
         "Place Latin points for even cells, the largest smallest distance, distances in all projections, or the least "
         "discrepancy.",
-        default="cvt",
+        keyword="criterion",
     ).on_page("Criterion"),
-    Option(
+    text(
         "feasible",
-        Text(),
         "Where points may lie: a condition on the names of axes, or on x1, x2, ..., such as 'x1 + x2 < 1'.",
-        metavar="CONDITION",
+        "CONDITION",
     ),
-    Option(
-        "density", Text(), "Place points more densely where this is greater, such as 'exp(-x1)'.", metavar="EXPRESSION"
-    ),
+    text("density", "Place points more densely where this is greater, such as 'exp(-x1)'.", "EXPRESSION"),
     switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic").on_page("Periodic"),
     switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),
     file("plot", "Plot the points in each pair of axes, .png or .svg.", common.PLOTS),
@@ -189,11 +183,11 @@ BASIS = (
         keyword="n_modes",
     ),
     common.output("Write the basis, .npz.", (".npz",), required=True),
-    passed(
+    choice(
         "kind",
-        Choice(("pod", "cvt", "cvod")),
+        ("pod", "cvt", "cvod"),
         "Principal components, generators of a tessellation, or principal components of each of its cells.",
-        default="pod",
+        keyword="kind",
     ),
     passed("n_cells", Whole(1, MAX_COLORS), "Number of cells of --kind cvod.", "--cells", metavar="C", default=8),
     switch("uncentered", "Describe the snapshots themselves, not their differences from the mean, with --kind pod."),

@@ -4,8 +4,8 @@ from importlib.util import find_spec
 
 from cvtimg.labels.formats import CONTOUR_FORMATS
 from cvtimg.options import common
-from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
+from cvtimg.options.common import choice, file, switch
+from cvtimg.options.record import Option, Real, Text, Whole, late, passed
 
 _AVIF = (".avif",) if find_spec("PIL._avif") else ()
 _PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy", *_AVIF)
@@ -21,9 +21,17 @@ KINDS = {
 }
 #: Kinds of output that need --hierarchy.
 HIERARCHY_KINDS = {"tree": (".npz",), "strengths": (".png", ".tif", ".tiff", ".npy")}
+#: Options of --contours as lines, with the chance that a person draws each.
+OF_LINES = ("chance", "strongest")
 #: Segments by color are neither regions nor superpixels; nor can these be those of a volume.
 _OTHER_WAYS = ("superpixels", "hierarchy")
 _BY_COLOR = (*_OTHER_WAYS, "volume")
+
+
+def kind_of(option: str) -> str:
+    """Return the kind of output that an option names: "--mean", "--write mean.png", or "-o" for labels."""
+    return "labels" if option == "-o" else option.removeprefix("--").removeprefix("write ").partition(".")[0]
+
 
 SEGMENT = (
     common.IMAGES,
@@ -57,11 +65,10 @@ SEGMENT = (
         "table", "Write the area, place and mean color of each segment of all inputs, .csv or .parquet.", KINDS["table"]
     ),
     file("masks", "Write labels as gray levels of 16 bits, as Cellpose does, .png or .tif.", KINDS["masks"]),
-    Option(
+    choice(
         "edge_mode",
-        Choice(("inner", "outer", "thick")),
+        ("inner", "outer", "thick"),
         "Pixels that --edges marks: inside the brighter segment, outside it, or both.",
-        default="inner",
     ),
     Option(
         "line_color",
@@ -128,14 +135,10 @@ SEGMENT = (
         "Make each object before the background a segment; split touching ones. Without -k, measure all it takes.",
         excludes=("components", *_OTHER_WAYS),
     ).on_page("objects, background"),
-    Option(
+    choice(
         "background",
-        Choice(
-            ("largest", "darkest", "brightest"),
-            {"largest": "largest segment", "darkest": "darkest segment", "brightest": "brightest segment"},
-        ),
+        {"largest": "largest segment", "darkest": "darkest segment", "brightest": "brightest segment"},
         "Segment that is the background of --objects; label 0.",
-        default="largest",
         needs=("objects",),
     ).on_page("Background"),
     Option(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 #: Suffixes of plots.
 PLOT_SUFFIXES = (".png", ".svg")
 #: More axes would leave no room for their pairs, and more levels on an axis none for their names.
-_MOST = 8
+MOST_AXES = 8
 #: Dots per inch of a chart.
 _DPI = 150
 #: Rows of a table that are drawn; and polygons from which an SVG file would be slower to show than pixels.
@@ -143,7 +143,7 @@ def draw_pairs(
     levels : sequence of d sequences of str, optional
         Names of levels that share an axis from 0 to 1 evenly; none for other axes.
     """
-    n_axes = min(points.shape[1], _MOST)
+    n_axes = min(points.shape[1], MOST_AXES)
     with figure_file(max(1.6 * n_axes, 4.0), max(1.6 * n_axes, 4.0), suffix) as (figure, content):
         grid = figure.subplots(n_axes, n_axes, squeeze=False, sharex="col")
         for (down, right), axes in np.ndenumerate(grid):
@@ -174,7 +174,7 @@ def draw_pairs(
 
 def _ticks(levels: Sequence[str]) -> tuple[list[float], list[str]]:
     """Return where some of the levels are on their axis, and their names."""
-    every = -(-len(levels) // _MOST)
+    every = -(-len(levels) // MOST_AXES)
     return [(level + 0.5) / len(levels) for level in range(0, len(levels), every)], list(levels[::every])
 
 

@@ -22,8 +22,8 @@ from cvtimg._shared.types import Array
 from cvtimg.batch.tasks import Task
 from cvtimg.cli import app as cli
 from cvtimg.cli import segment_command
-from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.labels import read_labels, region_table
+from cvtimg.options.segment_options import KINDS
 from cvtimg.pictures import image_info
 from cvtimg.plotting.sheets import draw_edges
 from cvtimg.segmentation import RegionHierarchy

@@ -492,7 +492,7 @@ def test_a_draft_of_a_restoration_shows_its_middle(page: TestClient) -> None:
 def test_how_long_a_restoration_takes_is_told_by_one_of_another_size(
     page: TestClient, monkeypatch: pytest.MonkeyPatch, photograph: NDArray[Any]
 ) -> None:
-    monkeypatch.setattr("cvtimg.explore.channel._TELLING", 1e4)
+    monkeypatch.setattr("cvtimg.explore.channel.ROWS_AT_ONCE", 1e4)
     monkeypatch.setattr("cvtimg.explore.channel.time", SimpleNamespace(monotonic=time.process_time))
     seconds: dict[str, float] = {}
     scene = np.tile(photograph, (3, 3, 1))[:640, :640] + np.random.default_rng(0).normal(0, 12, (640, 640, 3))
@@ -530,7 +530,7 @@ def test_drafts_of_large_pictures_are_made_of_few_pixels(
 
 
 def test_of_a_large_picture_the_part_that_is_seen_is_sent(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cvtimg.explore.channel.EXACT_PIXELS", 10_000)
+    monkeypatch.setattr("cvtimg.explore.channel.PIXELS_AT_ONCE", 10_000)
     pixels = np.arange(400 * 300, dtype=np.uint32).view(np.uint8).reshape(300, 400, 4)[..., :3]
     picture = opened(page, png(pixels))["id"]
     whole = request(page, picture, lane="before").about["window"]

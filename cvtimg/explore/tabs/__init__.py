@@ -1,5 +1,6 @@
 """Tabs of the page: each declares its controls, and makes a result of their settings."""
 
+from cvtimg._shared.budgets import PIXELS_AT_ONCE
 from cvtimg._shared.choices import Options
 from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window
@@ -18,9 +19,6 @@ TABS: dict[str, Tab] = {
     for tab in (ColorsTab, PaletteTab, SegmentsTab, StippleTab, MosaicTab, RestoreTab, MeshTab, SphereTab, DesignTab)
 }
 
-#: Pixels that are sent at most of a result.
-EXACT_PIXELS = 1 << 23
-
 
 def requested(store: Store, asked: Options, *, is_draft: bool = False) -> tuple[Tab, Request]:
     """Return the tab of a request that a page sent, and what it asks of it, checked."""
@@ -30,7 +28,8 @@ def requested(store: Store, asked: Options, *, is_draft: bool = False) -> tuple[
     settings = parse_settings(tab.controls, asked.get("settings"))
     picture = None if tab.sheet else opened(store, asked)
     size = picture.size if picture else tab.sheet or (1, 1)
-    window = Window.of(asked.get("view"), size, tab.draft_pixels(settings) if is_draft else EXACT_PIXELS)
+    most = tab.draft_pixels(settings) if is_draft else PIXELS_AT_ONCE
+    window = Window.of(asked.get("view"), size, most)
     return tab, Request(picture, settings, store, window, tab.for_frames)
 
 

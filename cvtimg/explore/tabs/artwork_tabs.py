@@ -21,7 +21,6 @@ _LIMITED: Json = {"flag": "", "keyword": "", "when": {"limited": [True]}}
 class StippleTab(Tab):
     name = "stipple"
     about = "Reproduce the tones of the image with dots, for pen plotters and print."
-    verb = "stipple"
     pace = 0.6
     most_drafted = 1 << 16
     arguments: ClassVar[Mapping[str, str]] = {"radius_range": "limited"}
@@ -107,7 +106,6 @@ class StippleTab(Tab):
 class MosaicTab(Tab):
     name = "mosaic"
     about = "Turn the image into tiles of one color each, whose borders follow its edges."
-    verb = "mosaic"
     pace = 1.6
     most_drafted = 1 << 16
     controls: ClassVar[tuple[Control, ...]] = controls_of(

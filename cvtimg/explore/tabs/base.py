@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from cvtimg._shared.budgets import ROWS_AT_ONCE
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.messages import reworded
 from cvtimg._shared.types import Array
@@ -63,18 +64,21 @@ class Tab:
     # Its name in requests, and capitalized on the page, and a line that says what it is for.
     name: ClassVar[str]
     about: ClassVar[str]
-    verb: ClassVar[str]  # The command
+    verb: ClassVar[str] = ""  # The command, by default of the same name
     verbs: ClassVar[tuple[str, ...]] = ()  # Other commands that the tab shows
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
     # (int, int): height and width of the drawing, for tabs that need no picture.
     sheet: ClassVar[tuple[int, int] | None] = None
-    most_drafted: ClassVar[int] = 1 << 20  # Pixels, or what else a tab makes, of a draft: what is quickly made
+    most_drafted: ClassVar[int] = ROWS_AT_ONCE  # Pixels, or what else a tab makes, of a draft: what is quickly made
     # Seconds that a unit of `work` takes until there has been a result: of 12 megapixels, on two cores of an EPYC.
     pace: ClassVar[float] = 0.1
     for_frames: ClassVar[bool] = False  # Whether the result is of all frames of an animation, or pages of a file
     arguments: ClassVar[Mapping[str, str]] = {}  # Names of controls by those of arguments that they say otherwise
     compared: ClassVar[Code] = Code()  # The image that lossy files hold, and others are compared with
     tool: ClassVar[str] = ""  # What the page lets a person do on the result, by its name there
+
+    def __init_subclass__(cls) -> None:
+        cls.verb = cls.verb or cls.name
 
     def lines(self, request: Request) -> list[Line]:
         """Return the lines of Python that make the result, which are run as they are shown."""
@@ -97,7 +101,7 @@ class Tab:
 
     def draft_pixels(self, settings: Settings) -> int:
         """Return how many pixels of the picture are shown at most while a control moves."""
-        return 1 << 20
+        return ROWS_AT_ONCE
 
     def draft(self, request: Request) -> Outcome | None:
         """Return what can be shown at once, by default the result of a part of the pixels; None if nothing can."""

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cvtimg import find_palette, read_palette
+from cvtimg._shared.budgets import ENOUGH_SAMPLES, ROWS_AT_ONCE
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import to_depth
@@ -29,7 +30,6 @@ from cvtimg.explore.controls import (
     words_of,
 )
 from cvtimg.explore.layers import Indexed, Layer
-from cvtimg.explore.opened import N_CURVE, SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, Request, Tab, all_of, missing, reading
 from cvtimg.options.common import color_bits
@@ -212,7 +212,7 @@ class ColorsTab(Tab):
 
     def draft_pixels(self, settings: Settings) -> int:
         """Return as many pixels as are mapped in a tenth of a second."""
-        return _DITHERED.get(settings["dither"], 1 << 18) if settings["dither"] != "none" else 1 << 20
+        return _DITHERED.get(settings["dither"], 1 << 18) if settings["dither"] != "none" else ROWS_AT_ONCE
 
     def draft(self, request: Request) -> Outcome | None:
         """Map the window to a palette that is at hand, or quickly found."""
@@ -244,14 +244,12 @@ class ColorsTab(Tab):
                 number = curve.elbow() if settings["aim"] == "auto" else curve.elbow("psnr", settings["psnr"])
             except (TargetMissedError, ValueError):  # more colors than the curve has; or a space without PSNR
                 return None
-        if curve is not None and not settings["locked"] and not _bits(settings) and number <= N_CURVE:
-            places = from_places(
-                curve.generators[min(number, curve.n_max) - 1], settings["space"], picture.array.dtype, False
-            )
+        if curve is not None and not settings["locked"] and not _bits(settings) and number <= curve.n_max:
+            places = from_places(curve.generators[number - 1], settings["space"], picture.array.dtype, False)
             colors = np.unique(places, axis=0)
             return colors[np.argsort(colors.sum(axis=1, dtype=np.float64), kind="stable")]
         locked = to_depth(rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
-        samples = picture.samples_in(picture.whole(SMALL))
+        samples = picture.samples_in(picture.whole(ENOUGH_SAMPLES))
         how = {"space": settings["space"], "locked": locked, "effort": "fast", **_bits(settings)}
         return find_palette(samples, number, **how).colors
 
@@ -278,9 +276,8 @@ class ColorsTab(Tab):
 class PaletteTab(Tab):
     name = "palette"
     about = "Find, take or make a palette. Drag its colors to sort them; choose one to edit, lock or remove it."
-    verb = "palette"
     verbs = ("quantize",)
-    most_drafted = SMALL
+    most_drafted = ENOUGH_SAMPLES
     controls: ClassVar[tuple[Control, ...]] = (
         *controls_of(
             "palette",

@@ -25,7 +25,6 @@ _IMAGE = Code("result.with_alpha()")
 class RestoreTab(Tab):
     name = "restore"
     about = "Restore one image from several noisy or incomplete versions of it. Open or drop all versions."
-    verb = "restore"
     compared = Code("result.image")
     pace = 2.2
     most_drafted = 128  # height and width

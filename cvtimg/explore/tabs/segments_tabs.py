@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing
 from cvtimg.explore.calls import Code, Line, call, evaluated, literal, run
@@ -49,7 +50,7 @@ class SegmentsTab(Tab):
     verb = "segment"
     arguments: ClassVar[Mapping[str, str]] = {"n_superpixels": "cells", "n_segments": "k"}
     pace = 0.6
-    most_drafted = 1 << 17
+    most_drafted = ENOUGH_SAMPLES
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "segment",
         Switches(
@@ -188,9 +189,8 @@ class SegmentsTab(Tab):
 class MeshTab(Tab):
     name = "mesh"
     about = "Divide the segments of the image, or a mask, into triangles for computations."
-    verb = "mesh"
     pace = 3.2
-    most_drafted = 1 << 17
+    most_drafted = ENOUGH_SAMPLES
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mesh",
         Choice(

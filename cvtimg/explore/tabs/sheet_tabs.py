@@ -16,12 +16,9 @@ from cvtimg.explore.controls import Choice, Control, Entry, Number, Settings, Ta
 from cvtimg.explore.layers import Drawing, Globe, Layer
 from cvtimg.explore.outcomes import Outcome, Output
 from cvtimg.explore.tabs.base import Request, Tab
+from cvtimg.plotting.charts import MOST_AXES
 from cvtimg.sphere import Refinement, SphereGrid, WidthCircle
 
-#: Points that the page shows at most.
-_MOST = 163_842
-#: Axes that are drawn.
-_MOST_AXES = 8
 #: Width of the sheet, its margin, and the gap between panels.
 _SIZE, _MARGIN, _GAP = 1000, 56, 14
 _FILES = {
@@ -51,7 +48,6 @@ _CIRCLES: Json = {
 class SphereTab(Tab):
     name = "sphere"
     about = "Cells of equal or chosen size on the globe, for models of oceans and atmospheres. Needs no image."
-    verb = "sphere"
     sheet = (1000, 1000)
     tool = "globe"
     most_drafted = 2562
@@ -125,7 +121,6 @@ class SphereTab(Tab):
 class DesignTab(Tab):
     name = "design"
     about = "Place points for experiments evenly in a box. Needs no image."
-    verb = "design"
     sheet = (_SIZE, _SIZE)
     most_drafted = 200
     controls: ClassVar[tuple[Control, ...]] = controls_of(
@@ -169,9 +164,9 @@ class DesignTab(Tab):
     def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Design = values["result"]
         n_points, n_axes = result.points.shape
-        shown = f"the first {_MOST_AXES} of " if n_axes > _MOST_AXES else ""
+        shown = f"the first {MOST_AXES} of " if n_axes > MOST_AXES else ""
         about = f"In each pair of {shown}{n_axes} axes. Mean squared distance to the nearest {result.energy:.4g}."
-        layer = Drawing(_drawn(result, result.factors[:_MOST_AXES]))
+        layer = Drawing(_drawn(result, result.factors[:MOST_AXES]))
         return layer, {"k": n_points, "noun": "points", "about": about}
 
 
@@ -187,9 +182,10 @@ def _n_points(settings: Settings) -> int:
     if settings["by"] == "n":
         return int(settings["n"])
     n_points: int = evaluated(_density(settings), {}).n_points
-    if n_points > _MOST:
+    (most,) = (control.high for control in SphereTab.controls if isinstance(control, Number) and control.name == "n")
+    if n_points > most:
         raise UnfitRequestError(
-            f"these widths take {n_points:,} points; the page shows up to {_MOST:,}, the command line makes more"
+            f"these widths take {n_points:,} points; the page shows up to {most:,}, the command line makes more"
         )
     return n_points
 
