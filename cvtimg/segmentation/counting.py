@@ -21,7 +21,15 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_choice, check_non_negative, check_partial_image, check_shape, check_that
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Array, Bools, Floats32, ImageLike, Ints, Ints64
-from cvtimg.segmentation.field_of_view import CONVEX, SEVERAL, evenly_lit, surroundings, within_margins, without_light
+from cvtimg.segmentation.field_of_view import (
+    CONVEX,
+    SEVERAL,
+    are_bright,
+    evenly_lit,
+    surroundings,
+    within_margins,
+    without_light,
+)
 from cvtimg.segmentation.local_means import PRIOR, REACH, local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
 from cvtimg.segmentation.noise import MEDIAN_OF_NORMAL, noise_covariance, without_impulses
@@ -303,7 +311,6 @@ def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ..
 def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Floats32, float, float]:
     """Return a blurred image, the blur that its noise calls for, and the noise that is left."""
     from scipy.ndimage import gaussian_filter
-    from skimage.filters import threshold_otsu
 
     planes = gray.reshape(-1, *gray.shape[-2:])
     every = -(-len(planes) // SETTINGS.some_planes)
@@ -312,7 +319,7 @@ def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Fl
         float(np.median([noise_covariance(plane[..., None]) for plane in some])) ** 0.5, _most_noise(some[known])
     )
     first = np.stack([gaussian_filter(plane, 2.0) for plane in some])
-    bright = first > threshold_otsu(first.ravel())  # type: ignore[no-untyped-call]
+    bright = are_bright(first)
     step = float(first[bright].mean() - first[~bright].mean()) if 0 < bright.sum() < bright.size else 0.0
     blur = float(np.clip(SETTINGS.blur_of_noise * noise / step, *SETTINGS.blurs)) if step else SETTINGS.blurs[0]
     sigmas = [blur / side for side in size]
@@ -322,11 +329,9 @@ def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Fl
 
 def _most_noise(values: Floats32) -> float:
     """Return the noise that would explain all that values of two classes vary within these: dots are no noise."""
-    from skimage.filters import threshold_otsu
-
-    if not values.size or np.ptp(values) == 0:
+    bright = are_bright(values) if values.size else np.zeros(0, np.bool_)
+    if not bright.any():
         return 0.0
-    bright = values > threshold_otsu(values)  # type: ignore[no-untyped-call]
     away = np.where(bright, values - np.median(values[bright]), values - np.median(values[~bright]))
     return float(np.abs(away).mean()) / _SPREAD_OF_HALF
 
@@ -362,12 +367,10 @@ def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats
 
     The image is overwritten.
     """
-    from skimage.filters import threshold_otsu
-
     apart = max(int(np.sqrt(image.size / SETTINGS.tile)), 1)
     some, counts = image[..., ::apart, ::apart], inside[..., ::apart, ::apart]
     reach = [2 * REACH * length for length in some.shape[:-2]] + [REACH * max(some.shape[-2:])] * 2
-    objects = (some > threshold_otsu(some[counts])) & counts  # type: ignore[no-untyped-call]
+    objects = are_bright(some, some[counts]) & counts
     if background == "brightest" or (background == "largest" and 2 * objects.sum() > counts.sum()):
         objects = ~objects & counts
     step, generators = 0.0, None

@@ -144,10 +144,21 @@ def evenly_lit(gray: Floats32, inside: Bools, outside: Bools) -> Floats32:
     return np.where(inside, np.exp(logs - _light(logs, inside)), gray).astype(np.float32)
 
 
+def are_bright(values: Floats32, some: Floats32 | None = None) -> Bools:
+    """Tell which values are above Otsu's threshold of `some`, by default all; rounding has none."""
+    from skimage.filters import threshold_otsu
+
+    some, n_bins = values if some is None else some, 256
+    if not np.ptp(some) > n_bins * np.spacing(np.abs(some).max()):
+        return np.zeros(values.shape, np.bool_)
+    return np.asarray(values > threshold_otsu(some, n_bins))  # type: ignore[no-untyped-call]
+
+
 def without_light(gray: Floats32, inside: Bools) -> Floats32:
     """Take uneven light from an image if two levels then leave less than half of what they leave of the image as it is.
 
     It may be stronger than the contrast of objects, and two levels of the image are then its bright and its dark side.
+    Light alone leaves what values were rounded by, which is nothing.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -156,14 +167,19 @@ def without_light(gray: Floats32, inside: Bools) -> Floats32:
     smooth = gaussian_filter(np.where(inside, gray, np.median(gray[inside])), FOR_CONTRAST)
     light = _light(smooth, inside)
     uneven, even = (_left_by_two(values[inside]) for values in (smooth, smooth - light))
-    return gray - light if 2 * even < uneven else gray
+    if 2 * even >= uneven:
+        return gray
+    levels = np.unique(gray[inside])
+    rounding = float(levels[-1] - levels[0]) / (len(levels) - 1)
+    left = gray - light  # values are rounded by half of a level, and light is a level off at the ends
+    return left if np.ptp(left[inside]) > 3 * rounding else np.zeros_like(gray)
 
 
 def _left_by_two(values: Floats32) -> float:
     """Return the mean squared distance of values to the nearer of two levels."""
-    from skimage.filters import threshold_otsu
-
-    bright = values > threshold_otsu(values)  # type: ignore[no-untyped-call]
+    bright = are_bright(values)
+    if not bright.any():
+        return 0.0
     return float(np.square(values - np.where(bright, values[bright].mean(), values[~bright].mean())).mean())
 
 

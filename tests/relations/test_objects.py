@@ -39,6 +39,11 @@ def empty(rng: np.random.Generator) -> Image:
     return rng.normal(100, 8, (SIDE, SIDE))
 
 
+def light(rng: np.random.Generator) -> Image:
+    """Return light from a side alone, without noise."""
+    return rng.uniform(0, 80) + rng.uniform(20, 80) * (RIGHT * rng.uniform(0, 1) + DOWN) / SIDE
+
+
 @remembered
 def number(image: Image) -> int:
     return count_objects(image).n_segments
@@ -118,6 +123,13 @@ TREATMENTS = {
     "pepper": lambda image: np.where(SPRINKLED, 0, image),
     "salt": lambda image: np.where(SPRINKLED, 255, image),
 }
+#: What light alone is rounded to holds none either.
+ROUNDED = {
+    "noise": lambda image: np.random.default_rng(0).normal(100, 8, image.shape),
+    "8 bits": lambda image: np.uint8(image.clip(0, 255).round()),
+    "single floats": lambda image: np.float32(image),
+    "a strip": lambda image: image[:, :12].round(),
+}
 SINCE = "2026-11-27"
 #: Noise that interpolation shares among pixels moves outlines farther than the law of ripples says: one may be two.
 MAY_SPLIT = {"larger by half": close(0, 4)}
@@ -127,6 +139,7 @@ RELATIONS = [
         for name, change in CHANGES.items()
     ),
     *(Relation("count_objects, empty", name, empty, number, how, equal, SINCE) for name, how in TREATMENTS.items()),
+    *(Relation("count_objects, light", name, light, number, how, equal, "2026-11-28") for name, how in ROUNDED.items()),
     beside("count_objects", "Otsu's threshold, with labels", with_truth, by_cvtimg, by_otsu, not_fewer, SINCE),
 ]
 test_a_count_follows_its_picture, test_a_count_follows_any_picture = quick_and_wide(RELATIONS)
