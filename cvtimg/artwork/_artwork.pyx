@@ -245,7 +245,7 @@ cdef inline void reverse(int32_t[::1] tour, int32_t[::1] places, int32_t low, in
 
 
 cdef bint turn_part(
-    const double[:, ::1] points, const int32_t[::1] near, const Py_ssize_t[::1] starts, int32_t[::1] tour,
+    const double[:, ::1] points, const int32_t[::1] near, const Py_ssize_t[:, ::1] spans, int32_t[::1] tour,
     int32_t[::1] places, uint8_t[::1] settled, int32_t reach, int32_t a, int32_t step
 ) noexcept nogil:
     """Try 2-opt at a point and the next of its path, after it (step 1) or before it (-1)."""
@@ -256,7 +256,7 @@ cdef bint turn_part(
         return False
     b = tour[i + step]
     gap = distance(points, a, b)
-    for k in range(starts[a], starts[a + 1]):
+    for k in range(spans[a, 0], spans[a, 1]):
         c = near[k]
         gain = gap - distance(points, a, c)
         if gain <= 1e-12:
@@ -280,7 +280,7 @@ cdef bint turn_part(
 
 
 cdef bint move_chain(
-    const double[:, ::1] points, const int32_t[::1] near, const Py_ssize_t[::1] starts, int32_t[::1] tour,
+    const double[:, ::1] points, const int32_t[::1] near, const Py_ssize_t[:, ::1] spans, int32_t[::1] tour,
     int32_t[::1] places, uint8_t[::1] settled, int32_t reach, int32_t s
 ) noexcept nogil:
     """Try Or-opt: move the chain that starts at a point to between two others, turned or not."""
@@ -296,7 +296,7 @@ cdef bint move_chain(
         saved = distance(points, p, s) + distance(points, e, q) - distance(points, p, q)
         if saved <= 1e-12:
             continue
-        for k in range(starts[s], starts[s + 1]):
+        for k in range(spans[s, 0], spans[s, 1]):
             c = near[k]
             to_c = distance(points, s, c)
             if to_c >= saved:
@@ -334,7 +334,7 @@ cdef inline void shift(
 def improve(
     const double[:, ::1] points,  # IN (N, 2)
     const int32_t[::1] near,      # IN (M,): other points near each, the nearest first
-    const Py_ssize_t[::1] starts, # IN (N + 1,): where those of each begin
+    const Py_ssize_t[:, ::1] spans, # IN (N, 2): where those of each begin and end
     int32_t[::1] tour,            # INOUT (N,): points in order
     int32_t[::1] places,          # INOUT (N,): where in the tour each point is
     uint8_t[::1] settled,         # INOUT (N,): whether there was nothing to gain at a point
@@ -348,9 +348,9 @@ def improve(
             while not settled[point]:
                 settled[point] = 1
                 if (
-                    turn_part(points, near, starts, tour, places, settled, reach, point, 1)
-                    or turn_part(points, near, starts, tour, places, settled, reach, point, -1)
-                    or move_chain(points, near, starts, tour, places, settled, reach, point)
+                    turn_part(points, near, spans, tour, places, settled, reach, point, 1)
+                    or turn_part(points, near, spans, tour, places, settled, reach, point, -1)
+                    or move_chain(points, near, spans, tour, places, settled, reach, point)
                 ):
                     settled[point] = 0
                     n_moves += 1

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_rows, check_shape
-from cvtimg._shared.threads import n_threads
+from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Floats, Indices, Ints
 from cvtimg.artwork._artwork import improve, join
 
@@ -14,6 +14,8 @@ from cvtimg.artwork._artwork import improve, join
 _N_NEAR = 8
 #: Points of the longest part that a move may turn. Longer ones gain next to nothing and take most of the time.
 _REACH = 25_000
+#: Steps of a kernel that a search for neighbors takes, and searches of a part.
+_STEPS, _ROWS = 2e4, 1024
 
 
 def find_tour(points: ArrayLike) -> Indices:
@@ -41,87 +43,78 @@ def find_tour(points: ArrayLike) -> Indices:
 
     places = check_rows("points", points).astype(np.float64)
     check_shape("points", places.shape, places.shape[1] == 2, "(N, 2)")
-    tour, near = _greedy_path(places)
-    _shorten(places, near.ravel(), np.arange(len(tour) + 1) * near.shape[1], tour, _REACH)
-    tree, everyone = cKDTree(places), np.arange(len(tour))
-    changed = everyone
-    while len(changed):
-        before = _beside(tour)
-        n_moves = _shorten(places, *_within_steps(tree, tour, changed), tour, len(tour))
-        # Where steps have changed, more may be gained; at last none must be anywhere.
-        is_last = len(changed) == len(tour) and not n_moves
-        moved = np.flatnonzero((_beside(tour) != before).any(axis=1))
-        changed = moved if n_moves or is_last else everyone
+    tour, distances, near = _greedy_path(places)
+    n_points, n_near = near.shape
+    sizes, near, spans = np.full(n_points, n_near), near.ravel(), n_near * np.arange(n_points)[:, None] + [0, n_near]
+    where, settled = np.empty_like(tour), np.zeros(n_points, np.uint8)
+    where[tour] = np.arange(n_points, dtype=np.int32)
+    _shorten(places, near, spans, tour, where, settled, _REACH)
+    tree, reaches, n_moves, grown = cKDTree(places), distances.max(axis=1, initial=0), 1, np.arange(n_points)
+    while n_moves or len(grown):
+        # Where two steps cross, an end of one is nearer to an end of the other than to its own: without a gain among
+        # the points that are nearer than steps are long, no steps cross.
+        grown = np.flatnonzero((_longest_steps(places[tour])[where] > reaches) & (sizes < n_points - 1))
+        sizes[grown] = np.minimum(2 * sizes[grown], n_points - 1)
+        for n_near in np.unique(sizes[grown]).tolist():
+            some = grown[sizes[grown] == n_near]
+            distances, others = _nearest(tree, some, n_near)
+            reaches[some] = distances[:, -1]
+            spans[some] = len(near) + n_near * np.arange(len(some))[:, None] + [0, n_near]
+            near = np.append(near, others)
+        settled[grown if len(grown) else slice(None)] = 0  # at last none must be anywhere
+        n_moves = _shorten(places, near, spans, tour, where, settled, n_points)
     first, last = (np.hypot(*places[end]) for end in tour[[0, -1]])
     return tour[:: 1 if first <= last else -1].astype(np.intp)
 
 
-def _shorten(points: Floats, near: Ints, starts: Indices, tour: Ints, reach: int) -> int:
+def _shorten(*path: Any) -> int:
     """Shorten a tour in place until nothing is gained; return in how many moves."""
-    where, settled, n_moves = np.empty_like(tour), np.zeros(len(tour), np.uint8), 0
-    where[tour] = np.arange(len(tour), dtype=np.int32)
-    while more := improve(points, near, starts, tour, where, settled, reach):
+    n_moves = 0
+    while more := improve(*path):
         n_moves += more
     return n_moves
 
 
-def _beside(tour: Ints) -> Ints:
-    """(N, 2) points before and after each in a tour, the lesser first; -1 beyond its ends."""
-    beside = np.empty((len(tour), 2), np.int32)
-    beside[tour] = np.stack([np.append(-1, tour[:-1]), np.append(tour[1:], -1)], axis=1)
-    return np.sort(beside, axis=1)
+def _longest_steps(path: Floats) -> Floats:
+    """Return the longer of the steps (N,) to and from each point of a path (N, 2)."""
+    steps = np.hypot(*np.diff(path, axis=0).T)
+    return np.maximum(np.append(steps, 0), np.append(0, steps))
 
 
-def _within_steps(tree: Any, tour: Ints, among: Indices) -> tuple[Ints, Indices]:
-    """Find the points nearer to some than those before and after them in a tour, and where those of each begin.
-
-    Where two steps cross, an end of one is nearer to an end of the other than to its own: without a gain among these
-    points, no steps cross.
-    """
-    points, longest = np.asarray(tree.data), np.zeros(len(tour))
-    steps = np.hypot(*np.diff(points[tour], axis=0).T)
-    longest[tour] = np.maximum(np.append(steps, 0), np.append(0, steps))
-    moving = among[longest[among] > 0]
-    near = tree.query_ball_point(points[moving], longest[moving], workers=n_threads())
-    starts = np.repeat(moving, [len(others) for others in near])
-    others = np.concatenate([*near, []]).astype(np.int32)
-    distances = np.hypot(*(points[others] - points[starts]).T)
-    order = np.lexsort((distances, starts))
-    order = order[(distances < longest[starts])[order] & (others != starts)[order]]
-    return others[order], np.searchsorted(starts[order], np.arange(len(tour) + 1))
-
-
-def _greedy_path(points: Floats) -> tuple[Ints, Ints]:
+def _greedy_path(points: Floats) -> tuple[Ints, Floats, Ints]:
     """Join the ends of paths, the nearest first, until one is left; return it and the neighbors of each point."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import depth_first_order
+    from scipy.spatial import cKDTree
 
     n_points = len(points)
     links = np.full((n_points, 2), -1, np.int32)
     parents = np.arange(n_points, dtype=np.int32)
-    near = np.empty((n_points, 0), np.int32)
+    near: tuple[Floats, Ints] = np.empty((n_points, 0)), np.empty((n_points, 0), np.int32)
     n_paths = n_points
     while n_paths > 1:
         ends = np.flatnonzero(links[:, 1] < 0).astype(np.int32)
-        distances, others = _nearest(points[ends])
+        tree = cKDTree(points[ends], balanced_tree=False)
+        distances, others = _nearest(tree, np.arange(len(ends)), min(_N_NEAR, len(ends) - 1))
         if n_paths == n_points:
-            near = others
+            near = distances, others
         # Each end has at most one other of its own path, so that some pair can always be joined.
         pairs = np.stack([np.repeat(ends, others.shape[1]), ends[others.ravel()]], axis=1)
         n_paths -= join(pairs[np.argsort(distances, axis=None, kind="stable")], links, parents)
     point, side = np.nonzero(links >= 0)
     steps = csr_array((np.ones(len(point)), (point, links[point, side])), shape=(n_points, n_points))
-    return depth_first_order(steps, np.flatnonzero(links[:, 1] < 0)[0], return_predecessors=False), near
+    return depth_first_order(steps, np.flatnonzero(links[:, 1] < 0)[0], return_predecessors=False), *near
 
 
-def _nearest(points: Floats) -> tuple[Floats, Ints]:
-    """Find the nearest others of each point, and their distances; points may coincide."""
-    from scipy.spatial import cKDTree
+def _nearest(tree: Any, some: Indices, n_near: int) -> tuple[Floats, Ints]:
+    """Find the nearest others of some points of a tree, and their distances; points may coincide."""
 
-    n_points = len(points)
-    n_near = min(_N_NEAR, n_points - 1)
-    distances, neighbors = cKDTree(points, balanced_tree=False).query(points, n_near + 1, workers=n_threads())
-    # A point is found itself, and not always first where others lie on it, or even not at all.
-    itself = neighbors == np.arange(n_points)[:, np.newaxis]
-    itself[~itself.any(axis=1), -1] = True
-    return distances[~itself].reshape(n_points, n_near), neighbors[~itself].reshape(n_points, n_near).astype(np.int32)
+    def find(rows: slice) -> tuple[Floats, Ints]:
+        distances, neighbors = tree.query(tree.data[some[rows]], n_near + 1)
+        # A point is found itself, and not always first where others lie on it, or even not at all.
+        others = neighbors != some[rows, np.newaxis]
+        others[others.all(axis=1), -1] = False
+        return distances[others].reshape(-1, n_near), neighbors[others].reshape(-1, n_near).astype(np.int32)
+
+    distances, others = zip(*in_stripes(find, len(some), _STEPS * len(some), _ROWS), strict=True)
+    return np.concatenate(distances), np.concatenate(others)
