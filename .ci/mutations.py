@@ -11,8 +11,9 @@ longer counts as found. Mutations of lines that no test reaches in its own proce
     python .ci/mutations.py --only cvtimg/files --suite tests/files tests/batch  # of one package, by these tests alone
     python .ci/mutations.py --numbers --count 60            # of numbers alone: each is halved or doubled
 
-The package must be installed; copies of the checkout are made below ``build/mutations``, which keeps what is known from
-coverage between runs (``--again`` forgets it).
+Numbers are those of kernels and headers, too, which are compiled in a copy. The package must be installed; copies of
+the checkout are made below ``build/mutations``, which keeps what is known from coverage between runs (``--again``
+forgets it).
 """
 
 from __future__ import annotations
@@ -28,11 +29,12 @@ import re
 import resource
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout, suppress
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -154,20 +156,63 @@ def mutations(path: str, source: bytes) -> Iterator[Mutation]:
 
 def halved_or_doubled(path: str, source: bytes) -> Iterator[Mutation]:
     """Yield a mutation of each number of a module: of its constants, and of records of settings and their defaults."""
-    module = ast.parse(source)
-    bodies = [module.body, *(node.body for node in module.body if isinstance(node, ast.ClassDef))]
-    values = [node.value for body in bodies for node in body if isinstance(node, ast.Assign | ast.AnnAssign)]
     starts = [0]
     for text in source.splitlines(keepends=True):
         starts.append(starts[-1] + len(text))
+    numbers = numbers_of_kernel(source, starts) if not path.endswith(".py") else numbers_of_module(source, starts)
+    for line, start, stop, value in numbers:
+        halve = value != 1 and random.Random(f"{path}:{start}").random() < 0.5
+        half = value // 2 if isinstance(value, int) else value / 2
+        yield Mutation(path, line, line, start, stop, repr(half if halve else 2 * value))
+
+
+def numbers_of_module(source: bytes, starts: list[int]) -> Iterator[tuple[int, int, int, float]]:
+    """Yield line, start, stop and value of each number that a module or a class assigns."""
+    module = ast.parse(source)
+    bodies = [module.body, *(node.body for node in module.body if isinstance(node, ast.ClassDef))]
+    values = [node.value for body in bodies for node in body if isinstance(node, ast.Assign | ast.AnnAssign)]
     for value in filter(None, values):
         for node in ast.walk(value):
-            if not isinstance(node, ast.Constant) or type(node.value) not in (int, float) or not node.value:
-                continue
-            start, stop = starts[node.lineno - 1] + node.col_offset, starts[node.lineno - 1] + node.end_col_offset
-            halve = node.value != 1 and random.Random(f"{path}:{start}").random() < 0.5
-            half = node.value // 2 if isinstance(node.value, int) else node.value / 2
-            yield Mutation(path, node.lineno, node.lineno, start, stop, repr(half if halve else 2 * node.value))
+            if isinstance(node, ast.Constant) and type(node.value) in (int, float) and node.value:
+                start = starts[node.lineno - 1]
+                yield node.lineno, start + node.col_offset, start + (node.end_col_offset or 0), node.value
+
+
+def numbers_of_kernel(source: bytes, starts: list[int]) -> Iterator[tuple[int, int, int, float]]:
+    """Yield the same of each number of a kernel or header that has a name or, being a threshold, an exponent."""
+    in_text = False
+    for line, text in enumerate(source.splitlines(keepends=True), 1):
+        was_in_text, in_text = in_text, in_text ^ (text.count(b'"""') == 1)
+        code = b"" if was_in_text else re.split(rb'/\*|//|#(?!define)|"""|^\s\*', text)[0]
+        is_named = re.match(rb"\s*(enum \{|#define \w+ |static const \w+ )", code)
+        for number in re.finditer(rb"(?<![\w.])\d+(\.\d*)?(e[-+]?\d+)?(?=f?\b|$)", code):
+            value = float(number[0]) if number[1] or number[2] else int(number[0])
+            if value and (is_named or number[2]):
+                yield line, starts[line - 1] + number.start(), starts[line - 1] + number.end(), value
+
+
+@cache
+def kernels_of(root: Path) -> Path:
+    """Make a folder beside a suite in which its kernels are compiled."""
+    folder, checkout = (
+        root.with_name(f"{root.name}-kernels"),
+        Path(json.loads((root / "build.json").read_text())).parent,
+    )
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(checkout / "cvtimg", folder / "cvtimg", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("meson.build", "meson.options"):
+        shutil.copy2(checkout / name, folder)
+    subprocess.run(["meson", "setup", "build", "-Dsimd=native"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    return folder
+
+
+def is_compiled(root: Path) -> bool:
+    """Compile what has changed of the kernels of a suite; return whether that can be done."""
+    build = kernels_of(root) / "build"
+    done = subprocess.run(["ninja", "-C", build], check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    for module in build.glob("cvtimg/*.so"):
+        shutil.copy2(module, next(root.rglob(module.name)))
+    return done.returncode == 0
 
 
 def copy(tests: Path, package: Path, root: Path) -> None:
@@ -387,7 +432,8 @@ class Selected:
 def killer(suite: Suite, mutation: Mutation, limit: float, first: str | None = None) -> str | None:
     """Return the test that finds a mutation, or "an error" or "time"; None if none does."""
     tests = candidates(suite, mutation, first)
-    path = suite.root / mutation.path
+    is_kernel = not mutation.path.endswith(".py")
+    path = (kernels_of(suite.root) if is_kernel else suite.root) / mutation.path
     source, times = path.read_bytes(), path.stat()
     near, spent = 0, 0.0
     while near < len(tests) and spent + suite.seconds[tests[near]] < FIRST:
@@ -399,6 +445,8 @@ def killer(suite: Suite, mutation: Mutation, limit: float, first: str | None = N
         far += 1
     path.write_bytes(mutation.applied(source))
     try:
+        if is_kernel and not is_compiled(suite.root):
+            return "an error"
         for part in (tests[:near], tests[near:far]):
             if part:
                 files = list(dict.fromkeys(test.partition("::")[0] for test in part))
@@ -414,7 +462,10 @@ def killer(suite: Suite, mutation: Mutation, limit: float, first: str | None = N
                     return failed.split("\n")[0] or ("time" if status is None else "an error")
     finally:
         path.write_bytes(source)
-        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+        if is_kernel:
+            is_compiled(suite.root)
+        else:
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
     return None
 
 
@@ -442,7 +493,9 @@ def main() -> None:
     suites = [known(given.tests.resolve(), package, folder / "tests", given)]
     if given.before:
         suites.append(known(given.before.resolve(), package, folder / "before", given))
-    sources = {str(path.relative_to(package.parent)): path.read_bytes() for path in sorted(package.rglob("*.py"))}
+    suffixes = (".py", ".pyx", ".c", ".h") if given.numbers else (".py",)
+    files = [path for path in sorted(package.rglob("*")) if path.suffix in suffixes]
+    sources = {str(path.relative_to(package.parent)): path.read_bytes() for path in files}
     sites = [
         mutation
         for path, source in sources.items()

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.types import Array
 
-#: Sizes that fall by less than this part of them stay: that is the rounding of single precision.
-_ROUNDING = 1e-6
+#: Sizes that fall by less than this part of them stay.
+_ROUNDING = float(np.finfo(np.float32).resolution)
 
 
 def limit_growth(sizes: Array, across: float, along: ArrayLike) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple, Self
 
 from cvtimg._shared.progress import tell
@@ -21,10 +22,13 @@ class Stopping:
         The iteration has converged when a step lowers the energy by at most this fraction of it.
     max_iterations : int
         Maximum number of steps.
+    patience : int
+        Number of steps in a row that must lower the energy by next to nothing, where one may do so by chance.
     """
 
     tolerance: float
     max_iterations: int
+    patience: int = 1
 
     @classmethod
     def after(cls, n_steps: int) -> Self:
@@ -32,10 +36,10 @@ class Stopping:
         return cls(0.0, n_steps)
 
     def converged(self, energies: list[float]) -> bool:
-        """Whether the last step changed next to nothing."""
-        if energies[-1] == 0:
-            return True
-        return len(energies) > 1 and energies[-2] - energies[-1] <= self.tolerance * energies[-2]
+        """Whether the last steps changed next to nothing."""
+        last = pairwise(energies[-self.patience - 1 :])
+        changed = any(before - after > self.tolerance * before for before, after in last)
+        return energies[-1] == 0 or (len(energies) > self.patience and not changed)
 
     def share(self, energies: list[float]) -> float:
         """Estimate how far the iteration is: by its steps, or by how much less than the first the last one changed."""

@@ -13,7 +13,6 @@ from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from time import monotonic
 from typing import Any
-from unicodedata import east_asian_width
 
 from cvtimg._shared.progress import watched
 from cvtimg.batch.tasks import Row, Task, WrongUsageError
@@ -122,25 +121,22 @@ class Report:
         return ", ".join(f"{n} {status}" for status, n in self._counts.items())
 
     def _print_table(self, rows: Sequence[Row]) -> None:
+        from rich.cells import cell_len
+
         # On a terminal without the folders of inputs; in a pipe whole.
         if sys.stdout.isatty():
             rows = [{**row, "input": Path(row["input"]).name} for row in rows]
         lines = [[_HEADS.get(column, column) for column in self._columns]]
         lines += [[_cell(column, row.get(column)) for column in self._columns] for row in rows]
-        widths = [max(map(_width, texts)) for texts in zip(*lines, strict=True)]
+        widths = [max(map(cell_len, texts)) for texts in zip(*lines, strict=True)]
         table = []
         for line in lines:
             shown = []
             for column, text, width in zip(self._columns, line, widths, strict=True):
-                space = " " * (width - _width(text))
+                space = " " * (width - cell_len(text))
                 shown.append(text + space if column in TEXT_COLUMNS else space + text)
             table.append("  ".join(shown).rstrip())
         self.say(*table)
-
-
-def _width(text: str) -> int:
-    """Count the columns of a terminal that a text takes."""
-    return len(text) + sum(east_asian_width(letter) in "WF" for letter in text)
 
 
 def _cell(column: str, value: Any) -> str:

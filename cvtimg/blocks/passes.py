@@ -11,6 +11,7 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
+from cvtimg._shared.budgets import ROWS_AT_ONCE
 from cvtimg._shared.checks import as_samples, check_shape, check_that
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.threads import one_thread
@@ -19,8 +20,6 @@ from cvtimg.blocks.rows import Blocks
 
 T = TypeVar("T")
 
-#: Rows that are worked on at a time, whatever the size of a block: this bounds the memory for what is made of them.
-PIECE_ROWS = 1 << 20
 #: Sums that are added at a time: fewer make more tasks, and more wait for each other.
 _WIDTH = 8
 _KEY = "cvtimg-block"
@@ -48,8 +47,8 @@ class Block:
 
     def pieces(self) -> Iterator[tuple[Array, Floats]]:
         """Yield some rows at a time, finite and of a type that the kernels read, with their weights, >= 0."""
-        for start in range(0, len(self.rows), PIECE_ROWS):
-            part = slice(start, start + PIECE_ROWS)
+        for start in range(0, len(self.rows), ROWS_AT_ONCE):
+            part = slice(start, start + ROWS_AT_ONCE)
             rows = as_samples("samples", self.rows[part])
             if self.weights is None:
                 yield rows, np.ones(len(rows))

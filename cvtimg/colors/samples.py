@@ -20,8 +20,6 @@ from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
-#: Numbers from this size on are sorted: tables of them would take more time and memory.
-_OF_TABLE = 1 << 24
 #: The `inverse` of colors without their pixels.
 NO_PIXELS = np.empty((0, 0), np.int32)
 
@@ -199,12 +197,13 @@ def _rows_of(numbers: Array, dtype: np.dtype[np.generic], n_bands: int) -> Array
 
 def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     """Return the distinct numbers, the rank of each of (N,) among them, and how often each of them occurs."""
-    if numbers.dtype != np.uint32 or int(numbers.max()) >= _OF_TABLE:
+    n_runs = 1 << 16  # of 256 numbers: all of three bands of 8 bits. Larger ones are sorted
+    if numbers.dtype != np.uint32 or int(numbers.max()) >> 8 >= n_runs:
         distinct, ranks, counts = np.unique(numbers, return_inverse=True, return_counts=True)
         return distinct, ranks.astype(np.int32), counts.astype(np.float64)
     # Colors fill few of the runs of 256 numbers. A table of these runs alone is small, and stays in the cache.
-    is_used = np.zeros(_OF_TABLE >> 8, np.bool_)
-    start_of = np.zeros(_OF_TABLE >> 8, np.intp)
+    is_used = np.zeros(n_runs, np.bool_)
+    start_of = np.zeros(n_runs, np.intp)
     places, inverse = np.empty(len(numbers), np.uint32), np.empty(len(numbers), np.int32)
 
     def use(block: slice) -> None:

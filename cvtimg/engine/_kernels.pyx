@@ -8,6 +8,7 @@ last tile padded with points of density 0.
 import os
 
 cimport cython
+from libc.float cimport DBL_MAX, FLT_MAX
 from libc.math cimport fabs
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t
 
@@ -251,7 +252,7 @@ def seed_sets(
         for s in range(generators.shape[0]):
             found = 0
             cells[:, :] = -1
-            squares[:, :] = 1e38
+            squares[:, :] = FLT_MAX
             while found < n_given:
                 _set_place(places, half_norms, found, &generators[s, found, 0])
                 found += 1
@@ -294,7 +295,7 @@ def seed_sets(
                             if found == n_cells:
                                 losses[draw, cells[0, p]] += density[p] * (min(squares[1, p], square) - first)
                 best = gone = -1
-                least = energy * worthwhile if found == n_cells else 1e308
+                least = energy * worthwhile if found == n_cells else DBL_MAX
                 for draw in range(n_draws):
                     for k in range(n_locked if found == n_cells else found, min(found + 1, n_cells)):
                         total = losses[draw, n_cells] + losses[draw, k]
@@ -382,7 +383,7 @@ cdef inline void _find_two(
             total[i] += step * step
     for i in range(LANES):
         squares[0, first + i] = total[i]
-        squares[1, first + i] = total[i] + max(gaps[i], <real>0) if n_places > 1 else <real>1e38
+        squares[1, first + i] = total[i] + max(gaps[i], <real>0) if n_places > 1 else FLT_MAX
 
 
 def distances_to_own(

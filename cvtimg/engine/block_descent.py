@@ -15,23 +15,22 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.budgets import MOST_IN_MEMORY, ROWS_AT_ONCE
 from cvtimg._shared.checks import as_samples, check_count, check_that
 from cvtimg._shared.iteration import iterate
 from cvtimg._shared.types import Array, Floats, Ints, Ints64
-from cvtimg.blocks.passes import PIECE_ROWS, Block, map_rows, over_blocks
+from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.blocks.spread import Spread
 from cvtimg.engine.methods import Conditions, Iteration
 from cvtimg.engine.points import Frame, RowMoments, assign, assign_rows, pack, scale_within
+from cvtimg.engine.search import ROWS_PER_GENERATOR
 from cvtimg.engine.seeding import TooFewSamplesError, refill
 from cvtimg.files.arrays import UnfitArraysError, load_arrays, save_arrays
 from cvtimg.files.remote import exists
 from cvtimg.files.whole import StrPath
 
 _CHECKPOINT = "checkpoint"
-#: The sample has at most the rows of a piece, and this many values, but this many rows per generator.
-_SAMPLE_VALUES = 1 << 25
-_ROWS_PER_GENERATOR = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +98,7 @@ def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Surve
     """Check all blocks, measure them, and draw a sample; there must be as many rows as generators."""
     lengths = over_blocks(blocks, _length, np.concatenate) if blocks.lengths is None else blocks.lengths
     n_generators = check_count("n_generators", n_generators, int(sum(lengths)), "the number of samples")
-    most = max(_ROWS_PER_GENERATOR * n_generators, min(PIECE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
+    most = max(ROWS_PER_GENERATOR * n_generators, min(ROWS_AT_ONCE, MOST_IN_MEMORY // 2 // blocks.n_dims))
     seed, n_rows = int(rng.integers(1 << 62)), int(sum(lengths))
     measured = over_blocks(blocks, _survey_block, Survey.total, n_rows <= most)
     check_that("density", measured.spread.mass > 0, "not be 0 for all samples")

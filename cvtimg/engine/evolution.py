@@ -6,7 +6,7 @@ Recognition 88 (2019) 569-583, doi 10.1016/j.patcog.2018.12.022. Here the childr
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,13 +24,11 @@ _SAME = 1e-6
 ENDS_ALIKE = 3
 #: Energies of the first ends are alike within this fraction. So are those of separated clusters.
 _ALIKE = 1e-5
-#: Elders from seeds of k-means++ with swaps, of which there is one for this number of generators.
-_SEEDED, _GENERATORS_PER_SWAP = 4, 4
+#: Generators for each swap of seeds of k-means++.
+_GENERATORS_PER_SWAP = 4
 #: Elders from random seeds cost a descent each, which up to this product of rows, columns and generators takes
-#: milliseconds; from `_LARGE` on, a descent takes so long that there is a seeded one less.
-_QUICK, _LARGE = 1 << 24, 1 << 26
-#: From this number of generators on, to match only those in which parents differ takes less time.
-_MANY = 40
+#: milliseconds.
+_QUICK = 1 << 24
 #: To move generators takes the time of this number of products for each number of a table.
 _MOVING = 16
 
@@ -89,13 +87,9 @@ def _elders(
     """Descend from seeds with swaps, and from others where that takes little time, unless the first ends are alike."""
     n_products = points.tiles.size * (n_generators + _MOVING)
     n_swaps = max(1, n_generators // _GENERATORS_PER_SWAP)
-    n_seeded = _SEEDED if n_products < _LARGE else ENDS_ALIKE
-
-    def descend(n_sets: int) -> Ends:
-        given = np.repeat(fixed[None], n_sets, axis=0)
-        return transfer_of_sets(points, seed_sets(points, given, n_generators, n_swaps, conditions.rng), conditions)
-
-    first = descend(ENDS_ALIKE)
+    given = np.repeat(fixed[None], ENDS_ALIKE, axis=0)
+    seeded = seed_sets(points, given, n_generators, n_swaps, conditions.rng)
+    first = transfer_of_sets(points, seeded, conditions)
     alike = first.energies.max() <= first.energies.min() * (1 + _ALIKE)
     if alike and n_products >= effort.hasty_from:
         return Ends(first.generators[:1], first.energies[:1])
@@ -103,12 +97,9 @@ def _elders(
     seedings += [SEEDINGS[init]] if init != "split" else []
     seeds = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
     others = [transfer_of_sets(points, np.stack([np.concatenate([fixed, some])]), conditions) for some in seeds]
-    more = [descend(n_seeded - ENDS_ALIKE)] if n_seeded > ENDS_ALIKE else []
-    elders = Ends(*(np.concatenate(all_) for all_ in zip(first, *more, *others, strict=True)))
+    elders = Ends(*(np.concatenate(all_) for all_ in zip(first, *others, strict=True)))
     first_of_all = np.repeat(elders.generators[:1], len(elders.energies) - 1, axis=0)
-    elders.generators[1:] = _crossed(
-        first_of_all, elders.generators[1:], np.zeros(first_of_all.shape[:2], bool), len(fixed)
-    )
+    elders.generators[1:] = _crossed(first_of_all, elders.generators[1:], np.zeros(first_of_all.shape[:2], bool))
     return elders
 
 
@@ -127,20 +118,18 @@ def _children(points: Points, elders: Ends, n_children: int, conditions: Conditi
     pairs = rng.integers(0, len(elders.energies), (n_children, 2, 2)).min(axis=2)
     inherited = rng.integers(0, 2, (n_children, n_generators), np.uint8).astype(bool)
     parents = elders.generators[pairs]
-    crossed = _crossed(parents[:, 0], parents[:, 1], inherited, n_locked)
+    crossed = _crossed(parents[:, 0], parents[:, 1], inherited)
     return seed_sets(points, crossed, n_generators, 1, rng, n_locked=n_locked, n_draws=1, worthwhile=np.inf)
 
 
-def _crossed(sets: Floats, others: Floats, kept: Bools, n_locked: int) -> Floats:
+def _crossed(sets: Floats, others: Floats, kept: Bools) -> Floats:
     """Replace generators of (n, K, D) sets, unless they are (n, K) kept, by those of others that are near them."""
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist
 
     crossed = sets.copy()
-    chosen: list[Any] = [slice(n_locked, None)] * len(sets)
-    if sets.shape[1] >= _MANY:  # relatives have most in common, in the same places, as children inherit the order
-        chosen = [np.flatnonzero(differs) for differs in (sets != others).any(axis=2)]
-    for child, other, stays, apart in zip(crossed, others, kept, chosen, strict=True):
+    for child, other, stays in zip(crossed, others, kept, strict=True):
+        apart = (child != other).any(axis=1)  # relatives have most in common, in the same places, and locked ones
         matches = linear_sum_assignment(cdist(child[apart], other[apart], "sqeuclidean"))[1]
         child[apart] = np.where(stays[apart, None], child[apart], other[apart][matches])
     return crossed

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 import cvtimg.engine._kernels as _kernels
+from cvtimg._shared.budgets import ROWS_AT_ONCE
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Array, Floats, Indices, Ints
-from cvtimg.blocks.passes import PIECE_ROWS
 
 #: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
 #: so that sums have the same bits for any number of threads.
@@ -139,7 +139,7 @@ def pack(
 
 
 def _mean(rows: Array, density: Floats) -> Floats:
-    some, weights = rows[:PIECE_ROWS], density[:PIECE_ROWS]  # any center near the points will do
+    some, weights = rows[:ROWS_AT_ONCE], density[:ROWS_AT_ONCE]  # any center near the points will do
     if not weights.any():
         center: Floats = some.mean(axis=0, dtype=np.float64)
     else:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.budgets import IN_CACHE, SAMPLES_OF_FIGURE
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Array, Floats, Indices
@@ -13,13 +14,9 @@ from cvtimg.engine.points import GROUPED_FROM, Points, pack
 
 #: A key of 64 bits has room for 16 bits in each of this many coordinates.
 MAX_ORDERED_DIMS = 4
-#: Rows whose keys are made at once.
-_ROWS = 1 << 15
 #: Rows of a table are sorted along a space-filling curve, so that neighbors are compared with few generators, if there
 #: are enough generators for a gain and few enough rows that sorting does not cost more.
 _FEW_ENOUGH_TO_SORT = 1 << 23
-#: Rows that are tried first for a line through all.
-_FEW = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +58,8 @@ class Line(NamedTuple):
 
 def line_through(rows: Array) -> Line | None:
     """Return the line that (N, D > 1) rows lie on but for rounding, as gray pixels in three equal bands do, if any."""
-    if rows.shape[1] < 2 or (len(rows) > _FEW and line_through(rows[:: -(-len(rows) // _FEW)]) is None):
+    step = -(-len(rows) // SAMPLES_OF_FIGURE)
+    if rows.shape[1] < 2 or (step > 1 and line_through(rows[::step]) is None):  # which takes less time and memory
         return None
     wide = rows.astype(np.float64)
     first = wide[np.abs(wide).max(axis=1).argmin()].copy()
@@ -95,14 +93,14 @@ def along_curve(rows: Array) -> Indices:
     # Keys and places are sorted as one number each, in which long keys of many rows lose their last bits.
     place_bits = np.uint64(n_rows.bit_length())
     lost = np.uint64(max(0, 16 * n_dims + n_rows.bit_length() - 64))
-    n_parts = -(-n_rows // _ROWS)
+    n_parts = -(-n_rows // IN_CACHE)
     keyed = np.empty(n_rows, np.uint64)
     low, high = float(rows.min()), float(rows.max())
     span = high - low or 1.0
 
     def make(first: int, last: int) -> None:
-        for start in range(first * _ROWS, min(last * _ROWS, n_rows), _ROWS):
-            part = slice(start, min(start + _ROWS, n_rows))
+        for start in range(first * IN_CACHE, min(last * IN_CACHE, n_rows), IN_CACHE):
+            part = slice(start, min(start + IN_CACHE, n_rows))
             key = np.zeros(part.stop - start, np.uint64)
             for dim in range(n_dims):
                 steps = ((rows[part, dim].astype(np.float64) - low) / span * 65535).astype(np.uint64)

@@ -54,8 +54,8 @@ _FAR_MORE = 8
 _ABOUT = 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
 _STARTS_TIMES_GENERATORS = 512
-#: How many points a search needs: for each generator, and in total.
-_FEWER = 50, 1 << 14
+#: Points that a search needs for each generator, and in total: with more it takes longer, and hardly ends lower.
+ROWS_PER_GENERATOR, _LEAST_ROWS = 50, 1 << 14
 #: Part of the time that the search over fewer points takes.
 SEARCHED = 0.7
 
@@ -76,7 +76,7 @@ def search(
     effort: SearchEffort,
 ) -> Floats:
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
-    some = fewer_points(points, n_generators, _FEWER, conditions.rng)
+    some = fewer_points(points, n_generators, (ROWS_PER_GENERATOR, _LEAST_ROWS), conditions.rng)
     if effort.evolution and n_generators > len(fixed) and (some is points or not points.in_order):
         with suppress(TooFewSamplesError):
             if some is not points:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import SAMPLES_OF_FIGURE
 from cvtimg._shared.checks import (
     check_choice,
     check_count,
@@ -49,8 +50,8 @@ from cvtimg.files.whole import StrPath
 #: Fraction by which labels of float32 may raise the energy of colors, which one far away does by more; less takes
 #: float64, twice as slow, for thousands of colors in spaces of floats, too.
 _LOSS_OF_COLORS = 1e-3
-#: Proofs look for the nearest generator of this many rows again, and take energies within this share for the same.
-_PROVED_ROWS, _PROVED_WITHIN = 1024, 1e-6
+#: Share within which proofs take energies for the same: with more, they miss what float32 does not explain.
+_PROVED_WITHIN = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -381,13 +382,13 @@ def proven(result: Tessellation, rows: Array, density: Floats, nearest: bool) ->
 def _claims(result: Tessellation, rows: Array, density: Floats, nearest: bool) -> Claims:
     labels, generators = result.labels, result.generators
     yield "masses are sums of the density", equals(result.masses, np.bincount(labels, density, len(generators)))
-    blocks = [slice(start, start + _PROVED_ROWS) for start in range(0, len(rows), _PROVED_ROWS)]
+    blocks = [slice(start, start + SAMPLES_OF_FIGURE) for start in range(0, len(rows), SAMPLES_OF_FIGURE)]
     squares = np.concatenate([np.square(rows[block] - generators[labels[block]]).sum(axis=1) for block in blocks])
     rounded = float(np.square(np.finfo(np.float32).eps * np.abs(rows).max()))  # of generators that are found in float32
     energy, rounding = float(density @ squares), rounded * float(density.sum())
     yield "the energy is that of the labels", abs(result.energy - energy) <= _PROVED_WITHIN * energy + rounding
     if nearest:
-        some = slice(None, None, -(-len(rows) // _PROVED_ROWS))
+        some = slice(None, None, -(-len(rows) // SAMPLES_OF_FIGURE))
         least = np.full(len(squares[some]), np.inf)
         for generator in generators:
             np.minimum(least, np.square(rows[some] - generator).sum(axis=1), out=least)

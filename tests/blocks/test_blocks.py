@@ -27,8 +27,8 @@ WEIGHTS = RNG.integers(0, 4, len(ROWS)).astype(np.float64)
 @pytest.fixture
 def small_sample(monkeypatch: pytest.MonkeyPatch) -> None:
     """Search on fewer rows than there are."""
-    monkeypatch.setattr(block_descent, "PIECE_ROWS", 600)
-    monkeypatch.setattr(block_descent, "_ROWS_PER_GENERATOR", 20)
+    monkeypatch.setattr(block_descent, "ROWS_AT_ONCE", 600)
+    monkeypatch.setattr(block_descent, "ROWS_PER_GENERATOR", 20)
 
 
 def blocks(rows: Array = ROWS, weights: Array | None = WEIGHTS, length: int = 170) -> Blocks:
@@ -77,7 +77,7 @@ def test_bits_do_not_depend_on_who_works() -> None:
 def test_bits_do_not_depend_on_pieces_of_one_tile(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = RNG.integers(0, 256, (4000, 3)).astype(np.uint8)  # whose sums are exact
     expected = tessellate(as_blocks(da.from_array(rows, chunks=(900, 3))), 7)
-    monkeypatch.setattr(passes, "PIECE_ROWS", 100)
+    monkeypatch.setattr(passes, "ROWS_AT_ONCE", 100)
     assert same_bits(expected, tessellate(as_blocks(da.from_array(rows, chunks=(900, 3))), 7))
 
 

@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as hnp
 from cvtimg import CVT, tessellate
 from cvtimg._shared.types import Array, Floats
 from cvtimg.colors import color_samples
-from cvtimg.engine import EFFORTS, SEEDINGS
+from cvtimg.engine import EFFORTS, SEEDINGS, search
 from cvtimg.engine.methods import Stopping
 from cvtimg.engine.samples import line_through
 from cvtimg.engine.search import SearchEffort
@@ -99,9 +99,20 @@ def test_the_guide_tells_how_much_each_effort_does() -> None:
     for name in ("balanced", "best"):
         of, evolution = EFFORTS[name], EFFORTS[name].evolution
         assert f"to a tolerance of {of.stopping.tolerance:.0e} |".replace("e-0", "e-") in guide
-        numbers = of.n_starts, evolution.n_kept, evolution.n_random, evolution.n_children, evolution.patience
-        assert f"| `{name}` | {' | '.join(map(str, numbers))} | {of.stopping.max_iterations} |" in guide
-    assert f"at least {evolution.most:,} children" in guide
+        breaths = ", ".join(f"{share:.2g}" for share in of.breaths)
+        numbers = breaths, evolution.n_kept, evolution.n_random, evolution.n_children, evolution.patience
+        assert f"| `{name}` | {of.n_starts} | {' | '.join(map(str, numbers))} | {of.stopping.max_iterations} |" in guide
+        born = [evolution.most + int((evolution.operations / size) ** evolution.power) for size in (2**22, 2**27)]
+        assert (
+            f"at least {evolution.most:,} children, {born[0]:,} for" if name == "best" else f"{born[0]} for 2^22"
+        ) in guide
+        assert name == "best" or f"{('four', 'five', 'six')[born[1] - 4]} for 2^27" in guide
+    first = [int(np.log2(EFFORTS[name].evolution.hasty_from)) for name in ("balanced", "best")]
+    assert "is at least 2^{}, or 2^{} for `best`".format(*first) in guide
+    assert f"({search._STARTS_TIMES_GENERATORS} / K from" in guide
+    assert f"end within {search._ABOUT:.2%}".rstrip("%") in guide
+    assert f"more than {2 * search._LEAST_ROWS:,} rows, or {2 * search.ROWS_PER_GENERATOR} K if" in guide
+    assert f"blocks has {search._FAR_MORE} times as many rows" in guide
 
 
 def run(code: str, **environment: str) -> str:

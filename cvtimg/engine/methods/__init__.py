@@ -5,11 +5,18 @@ A new method is a function like `lloyd` in a file of its own, and a line in `MET
 
 from cvtimg._shared.checks import check_choice, raise_unsupported
 from cvtimg._shared.choices import MethodName
-from cvtimg._shared.iteration import Callback, Stopping, Watch
-from cvtimg.engine.methods._iteration import Conditions, Ends, Iterate, Iteration, Method
+from cvtimg._shared.iteration import Callback as Callback
+from cvtimg._shared.iteration import Stopping as Stopping
+from cvtimg._shared.iteration import Watch as Watch
+from cvtimg.engine.methods._iteration import Conditions as Conditions
+from cvtimg.engine.methods._iteration import Ends as Ends
+from cvtimg.engine.methods._iteration import Iterate as Iterate
+from cvtimg.engine.methods._iteration import Iteration as Iteration
+from cvtimg.engine.methods._iteration import Method as Method
 from cvtimg.engine.methods.lloyd import lloyd
 from cvtimg.engine.methods.optimal1d import optimal1d
-from cvtimg.engine.methods.probabilistic import Probabilistic, macqueen
+from cvtimg.engine.methods.probabilistic import Probabilistic as Probabilistic
+from cvtimg.engine.methods.probabilistic import macqueen
 from cvtimg.engine.methods.transfer import transfer
 
 #: The registry of methods: the values of `method` and ``--method``. The first that can do a job is the default.
@@ -20,20 +27,6 @@ METHODS: dict[str, Method] = {
     "probabilistic": Method(Probabilistic()),
     "optimal1d": Method(optimal1d, takes_locked=False, exact_in_one_dimension=True),
 }
-
-__all__ = [
-    "METHODS",
-    "Callback",
-    "Conditions",
-    "Ends",
-    "Iterate",
-    "Iteration",
-    "Method",
-    "Probabilistic",
-    "Stopping",
-    "Watch",
-    "choose_method",
-]
 
 
 def choose_method(

@@ -38,42 +38,32 @@ def optimal1d(points: Points, generators: Floats, conditions: Conditions) -> Ite
     return Iteration(means, [end], converged=True, labels=labels)
 
 
-class _Cut(NamedTuple):
-    """Bounds of k cells, (k + 1,): where each begins, then the number of levels. And their energy."""
-
-    bounds: Ints
-    energy: float
-
-    @property
-    def n_cells(self) -> int:
-        return len(self.bounds) - 1
-
-
 class _Levels(NamedTuple):
     """Sorted distinct values (M,), their density > 0, and moments (M + 1, 6)."""
 
-    # The moments are those of `sum_levels`, where y is the level minus the middle one.
+    # The moments are those of `sum_levels`, where y is the level minus the middle one. A cut into k cells is given by
+    # its bounds, (k + 1,): where each cell begins, then the number of levels.
 
     values: Floats
     density: Floats
     moments: Floats
 
-    def cut(self, price: float) -> _Cut:
+    def cut(self, price: float) -> Ints:
         """Cut where the energy plus the price of all cells is lowest."""
         n_bounds = len(self.moments)
         firsts, queue, since, bounds = np.empty((4, n_bounds), np.int32)
         n_cells = _kernels.cut_levels(self.moments, price, np.empty(n_bounds), firsts, queue, since, bounds)
-        return self.cut_at(bounds[: n_cells + 1].copy())
+        return bounds[: n_cells + 1].copy()
 
-    def means(self, cut: _Cut) -> Floats:
+    def means(self, bounds: Ints) -> Floats:
         """Return the (k, 1) means of the cells, summed cell by cell: differences of `moments` would lose digits."""
-        masses, sums = (np.add.reduceat(terms, cut.bounds[:-1]) for terms in (self.density, self.density * self.values))
+        masses, sums = (np.add.reduceat(terms, bounds[:-1]) for terms in (self.density, self.density * self.values))
         return (sums / masses)[:, None]
 
-    def cut_at(self, bounds: Ints) -> _Cut:
-        cut = _Cut(bounds, 0.0)
-        steps = self.values - self.means(cut)[:, 0].repeat(np.diff(bounds))
-        return cut._replace(energy=float((self.density * steps * steps).sum()))
+    def energy(self, bounds: Ints) -> float:
+        """Return the energy of all cells about their means."""
+        steps = self.values - self.means(bounds)[:, 0].repeat(np.diff(bounds))
+        return float((self.density * steps * steps).sum())
 
 
 def _levels(points: Points) -> _Levels:
@@ -90,27 +80,27 @@ def _levels(points: Points) -> _Levels:
     return _Levels(values, density, moments)
 
 
-def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
+def _cheapest(levels: _Levels, n_cells: int) -> Ints:
     """Cut into `n_cells` cells of lowest energy, by narrowing down the price per cell."""
     n_levels = len(levels.values)
-    few, many = levels.cut_at(np.array([0, n_levels], np.int32)), _Cut(np.arange(n_levels + 1, dtype=np.int32), 0.0)
+    few, many = np.array([0, n_levels], np.int32), np.arange(n_levels + 1, dtype=np.int32)
     for end in (few, many):
-        if end.n_cells == n_cells:
+        if len(end) == n_cells + 1:
             return end
     # The price at which two cuts cost the same shows whether there is a cut between them. Guesses, that E(k) goes on
     # like k^-2, lead near to it in fewer steps.
-    price, guessed = 2 * few.energy / n_cells**3, True
+    price, guessed = 2 * levels.energy(few) / n_cells**3, True
     while True:
         cut = levels.cut(price)
-        if cut.n_cells == n_cells:
+        if len(cut) == n_cells + 1:
             return cut
-        if few.n_cells < cut.n_cells < many.n_cells:
-            few, many = (cut, many) if cut.n_cells < n_cells else (few, cut)
-            price, guessed = price * (cut.n_cells / n_cells) ** 3, True
+        if len(few) < len(cut) < len(many):
+            few, many = (cut, many) if len(cut) <= n_cells else (few, cut)
+            price, guessed = price * ((len(cut) - 1) / n_cells) ** 3, True
         elif guessed:
-            price, guessed = (few.energy - many.energy) / (many.n_cells - few.n_cells), False
+            price, guessed = (levels.energy(few) - levels.energy(many)) / (len(many) - len(few)), False
         else:
-            return levels.cut_at(_join(few.bounds, many.bounds, n_cells))
+            return _join(few, many, n_cells)
 
 
 def _join(few: Ints, many: Ints, n_cells: int) -> Ints:

@@ -9,13 +9,13 @@ returned are the best so far.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 import cvtimg.engine._kernels as _kernels
 from cvtimg._shared.checks import check_at_least
-from cvtimg._shared.iteration import Stopping, iterate
+from cvtimg._shared.iteration import iterate
 from cvtimg._shared.types import Floats, Ints, Ints64
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
@@ -109,19 +109,8 @@ def follow_draws(points: Points, generators: Floats, conditions: Conditions, dra
         move(moving, counts, draw(points, n_drawn, conditions.rng))
         return measure()
 
-    stopping = _Patient(conditions.stopping.tolerance, conditions.stopping.max_iterations)
-    history = iterate(measure(), step, stopping, conditions.watch)
+    history = iterate(measure(), step, replace(conditions.stopping, patience=_PATIENCE), conditions.watch)
     return Iteration(best, *history)
-
-
-class _Patient(Stopping):
-    """Stops when several steps in a row bring next to nothing."""
-
-    def converged(self, energies: list[float]) -> bool:
-        if energies[-1] == 0:
-            return True
-        ends = range(len(energies) - _PATIENCE + 1, len(energies) + 1)
-        return ends[0] > 1 and all(Stopping.converged(self, energies[:end]) for end in ends)
 
 
 def draw(points: Points, n_drawn: int, rng: np.random.Generator) -> Ints64:
