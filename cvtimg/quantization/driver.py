@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.budgets import MAX_COLORS
+from cvtimg._shared.budgets import MAX_COLORS, ROUNDING
 from cvtimg._shared.checks import (
     check_choice,
     check_count,
@@ -90,6 +90,8 @@ class _Aiming(NamedTuple):
     # The quality without a target, at which images look the same, or `below_best` less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
+    # From which on the rims of discs and letters, in few colors that are not mixed, are not notched at twice the size.
+    clean: float = 92.0
     worth: float = 1.5  # power of the quality by which a file that is not exact must be smaller
     bands: float = 0.118  # that rounding to 8 bits leaves: .289 sqrt(1.5) / 3
 
@@ -356,28 +358,33 @@ def _nearest_quality(source: Source, how: QuantizeOptions) -> Any:
     exact = palettes.exact(source)
     if exact is not None and (palettes.most <= 2 or how.quality_range[1] >= 100):
         return exact
+    is_given, is_drawn = how.quality is not None, source.is_drawn and how.palette is None
+    found = [] if exact is None else [exact]
+    clean = [] if is_given or not is_drawn else _unmixed(source, palettes, _AIMING.clean)
+    if clean:  # mixed colors of less quality make smaller files, in which rims are rough
+        return min(clean + found, key=partial(_cost, source, exact))
     search = _Search(source, how, palettes)
-    found = [search.nearest()]
-    if source.is_drawn and how.palette is None:
-        least = search.least() if how.quality is not None else max(search.least(), found[0].content_quality)
-        found += _unmixed(source, palettes, least, found[0])
-    found += [] if exact is None else [exact]
+    found += [search.nearest()]
+    if is_drawn:
+        least = search.least() if is_given else max(search.least(), found[-1].content_quality)
+        found += _unmixed(source, palettes, least, found[-1])
     best = max(one.content_quality for one in found)
-    least = min(best, search.least() - (0 if how.quality is not None else 2.5 * _AIMING.close))
-
-    def cost(result: Any) -> float:
-        # Without a target, what is lost must be saved: the law of pngquant's --skip-if-larger.
-        lossy = exact is not None and result is not exact and how.quality is None
-        return source.size(result) / (max(result.content_quality, 1) / 100) ** (_AIMING.worth if lossy else 0)
-
+    least = min(best, search.least() - (0 if is_given else 2.5 * _AIMING.close))
     good = [one for one in found if one.content_quality >= least]
-    if exact is not None and how.quality is None:  # bands and streaks, which the measure hardly sees, are no gain
-        good = [one for one in good if one is exact or palettes.banding(source, one) <= _AIMING.bands]
-    return good[0] if len(good) == 1 else min(good, key=cost)
+    if exact is not None and not is_given:  # bands and streaks, which the measure hardly sees, are no gain
+        most = ROUNDING if is_drawn else _AIMING.bands
+        good = [one for one in good if one is exact or palettes.banding(source, one) <= most]
+    return good[0] if len(good) == 1 else min(good, key=partial(_cost, source, None if is_given else exact))
 
 
-def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> list[Any]:
-    """Return the result of the fewest colors of a quality that are not mixed, if it has hardly more bands.
+def _cost(source: Source, exact: Any, result: Any) -> float:
+    """Return the bytes of a result; instead of an exact one, what is lost must be saved, as by --skip-if-larger."""
+    lossy = exact is not None and result is not exact
+    return source.size(result) / (max(result.content_quality, 1) / 100) ** (_AIMING.worth if lossy else 0)
+
+
+def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any = None) -> list[Any]:
+    """Return the result of the fewest colors of a quality that are not mixed, if it has hardly more bands, or none.
 
     Text and drawings have smaller files without dithering; gradients show bands, more than where colors are mixed.
     """
@@ -387,8 +394,8 @@ def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> l
         return []
     at = bisect_left(numbers[:-1], True, key=lambda n: palettes.unmixed(source, n).content_quality >= least)
     fewest = palettes.unmixed(source, numbers[at])
-    bands = palettes.banding(source, fewest)
-    return [fewest] if bands <= _AIMING.bands or bands <= palettes.banding(source, mixed) else []
+    most = ROUNDING if mixed is None else max(_AIMING.bands, palettes.banding(source, mixed))
+    return [fewest] if palettes.banding(source, fewest) <= most else []
 
 
 class _Setting(NamedTuple):

@@ -209,7 +209,7 @@ def test_a_gradient_of_many_colors_is_written_as_it_is_and_small(tmp_path: Path)
     assert (tmp_path / "smooth.png").stat().st_size < 0.5 * n_bytes(cvtimg.quantize(smooth, 256))
 
 
-def test_a_logo_on_nothing_is_written_without_dithering_as_that_is_smaller() -> None:
+def test_a_logo_on_nothing_is_written_without_dithering_in_as_few_colors_as_leave_rims_smooth() -> None:
     image = Image.new("RGBA", (800, 800), (255, 255, 255, 0))
     draw = ImageDraw.Draw(image)
     draw.text((40, 40), "Acme Labs", font=ImageFont.load_default(150), fill=(90, 40, 160, 255))
@@ -219,3 +219,10 @@ def test_a_logo_on_nothing_is_written_without_dithering_as_that_is_smaller() -> 
     colors, shown = logo[logo[..., 3] > 0], result.image[logo[..., 3] > 0]
     n_colors, n_pairs = (len(np.unique(some, axis=0)) for some in (colors, np.hstack([colors, shown])))
     assert n_pairs == n_colors  # each color has one entry
+    assert 92 <= result.content_quality < 95
+
+
+def test_a_soft_shadow_of_few_colors_stays_as_it_is() -> None:
+    y, x = np.mgrid[-1:1:120j, -1:1:160j]
+    shadow = np.dstack([np.full((120, 160, 3), 20), np.rint(60 * np.exp(-3 * (x**2 + y**2)))]).astype(np.uint8)
+    assert cvtimg.quantize(shadow, goal="eyes", alpha=True).energy == 0
