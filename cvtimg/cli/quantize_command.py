@@ -51,7 +51,7 @@ _DEEP = "written with 16 bits per channel; --depth 8 gives an indexed file, a fr
 _LARGER = "larger than the input; --skip-if-larger leaves such files out"
 
 #: Formats in which a number of colors makes no form of its own, and those in which it does.
-_WITHOUT_PALETTE, _WITH_PALETTE = (".webp", ".ppm", ".pgm"), (".png", ".gif", ".bmp", ".tif", ".tiff")
+_WITHOUT_PALETTE, _OTHERS = (".webp",), (".png", ".gif", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".npy")
 
 #: Points of quality by which all and the content may differ, or both are told.
 _APART = 2.0
@@ -117,12 +117,10 @@ def _check(given: Given) -> None:
 
 def _smaller_of(given: Given) -> tuple[str, ...]:
     """Return the suffixes of outputs that are to be smaller than their inputs: of all, unless a form is asked for."""
-    if not (given.in_place or given.out_dir):
-        return ()
     if any(getattr(given, name) is not None for name in ("mask", "lock", "color_bits", "depth")):
         return ()
     aims = (given.number, given.psnr, given.palette, given.weight_map)
-    return _WITHOUT_PALETTE if any(aim is not None for aim in aims) else (*_WITHOUT_PALETTE, *_WITH_PALETTE)
+    return _WITHOUT_PALETTE if any(aim is not None for aim in aims) else (*_WITHOUT_PALETTE, *_OTHERS)
 
 
 def _may_replace(plan: Plan, given: Given) -> bool:
@@ -156,13 +154,13 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Option
     content = row.get("content_quality")
     if content is not None and abs(content - row["quality"]) > _APART:
         hint = f"quality {content:.1f} where there is content, {row['quality']:.1f} over the whole canvas"
-    if task.output.suffix.lower() == ".png":  # which has palettes of 8 bits only
-        if result.n_colors <= 256 and result.results[0].palette.itemsize == 2:
-            hint = _DEEP
-        elif _smaller_of(given):  # which the runner sees to
-            pass
-        elif task.source.is_file() and task.source.stat().st_size < task.output.stat().st_size:
-            hint = _LARGER + ("; -k 256 has an index, more have none" if result.n_colors > 256 else "")
+    suffix = task.output.suffix.lower()
+    if suffix == ".png" and result.n_colors <= 256 and result.results[0].palette.itemsize == 2:
+        hint = _DEEP  # palettes have 8 bits only
+    elif suffix in _smaller_of(given):  # which the runner sees to
+        pass
+    elif task.source.is_file() and task.source.stat().st_size < task.output.stat().st_size:
+        hint = _LARGER + ("; -k 256 has an index, more have none" if result.n_colors > 256 else "")
     return row | ({"warning": hint} if hint else {})
 
 

@@ -249,7 +249,7 @@ class PictureSource(Source):
 
     def _content(self, result: Quantized) -> dict[str, Any]:
         """Return what is written; where nodata is kept, it is not indexed."""
-        (pixels, palette), metadata = result.content, self._metadata
+        (pixels, palette), metadata = result.content_in(self._suffix), self._metadata
         if metadata and metadata.nodata is not None:
             if (result.palette == metadata.nodata).all(axis=1).any():  # a color would become nodata
                 metadata = replace(metadata, nodata=None)

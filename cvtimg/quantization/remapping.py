@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -148,7 +149,7 @@ class Quantized(ReadOnly, Fidelity):
         """Write the image, indexed where the format allows, as `cvtimg.write_image` does."""
         from cvtimg.pictures.files import write_image
 
-        pixels, palette = self.content
+        pixels, palette = self.content_in(Path(path).suffix)
         alpha = self.alpha if palette is None and pixels.ndim == 3 else None
         write_image(path, pixels, palette=palette, alpha=alpha, overwrite=overwrite)
 
@@ -194,6 +195,10 @@ class Quantized(ReadOnly, Fidelity):
         if n_colors == 1 and self.alpha:  # gray with alpha has no form of its own in files
             return with_mark(widen(self.palette, True, 3, True)[self.indices], True), None
         return self.image.reshape(*self.indices.shape, -1)[..., 0] if n_colors == 1 else self.image, None
+
+    def content_in(self, suffix: str) -> tuple[Array, Bytes | None]:
+        """Return what `write_image` takes for a suffix: gray stays so where no palette of RGB can stand for it."""
+        return (self.image, None) if suffix.lower() in (".npy", ".pgm") else self.content
 
 
 def map_to_palette(

@@ -132,6 +132,27 @@ def test_outputs_that_are_no_smaller_are_not_written(run: Run, row_of: RowOf) ->
     assert "larger than the .webp file" in row["warning"]
 
 
+@pytest.mark.parametrize("way", ["-o", "--out-dir", "--in-place"])
+@pytest.mark.parametrize("suffix", [".png", ".gif", ".webp", ".bmp", ".tif", ".ppm", ".pgm", ".npy"])
+def test_no_output_in_the_format_of_its_input_is_larger_and_one_that_is_no_smaller_is_told(
+    run: Run, suffix: str, way: str
+) -> None:
+    name, levels = f"b{suffix}", RGB[:24, :24, 1] if suffix in (".pgm", ".npy") else RGB[:24, :24]
+    if suffix in (".gif", ".webp"):
+        Image.fromarray(levels).save(name, quality=1)
+    else:
+        write_image(name, levels)
+    shape, before = read_image(name).shape, Path(name).stat().st_size
+    outputs = {"-o": ["-o", f"out/{name}"], "--out-dir": ["--out-dir", "out", "--ext", suffix]}.get(way, [way])
+    Path("out").mkdir()
+    (row,) = run("quantize", name, *outputs, "--json").rows
+    after = Path(name if way == "--in-place" else f"out/{name}")
+    told = row.get("skipped") == "output not smaller" or "a copy of the input" in row.get("warning", "")
+    assert told == (row.get("output_bytes", before) == before)
+    assert after.stat().st_size <= before
+    assert read_image(after).shape == shape
+
+
 def test_sizes_are_in_table_json_and_report(run: Run) -> None:
     outcome = run("quantize", "a.png", "-k", "4", "-o", "o.png", "--report", "r.jsonl")
     shown = dict(zip(*(row.split() for row in outcome.out.splitlines()), strict=True))
