@@ -36,6 +36,8 @@ _STEPS, _SAMPLED, _SHORT = 12, 1 << 16, 0.003
 _OUTLYING = 3.0
 #: Pixels that can be aligned, and the contrast, as a share of the values, up to which there is nothing to align.
 _FEWEST, _FLAT = 64, 1e-5
+#: Pixels at the border, which are not compared.
+_BORDER = 2
 #: Share of what a pixel is made from that must be known for it to be compared.
 _COMPARED = 0.3
 #: Times what the Bayesian information criterion asks for, that a richer model must explain.
@@ -87,7 +89,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
         else:
             alignment.transforms[version], models[version], values[version], known[:, :, version] = end
     if stuck:
-        why = "one of them is of one color, or they know no pixels in common"
+        why = "one of them is of one color or has too few pixels, or they know no pixels in common"
         warn(f"{', '.join(stuck)} cannot be aligned with images[0] and stay in place: {why}")
     return replace(versions, stack=tuple(values), known=known), Alignment(alignment.transforms, tuple(models))
 
@@ -109,7 +111,8 @@ class _Level:
     @property
     def is_flat(self) -> bool:
         """Whether there is nothing to align."""
-        seen = self.values[self.weight > _COMPARED]
+        inner = slice(_BORDER, -_BORDER), slice(_BORDER, -_BORDER)
+        seen = self.values[inner][self.weight[inner] > _COMPARED]
         return len(seen) < _FEWEST or float(np.ptp(seen)) <= _FLAT * float(np.abs(seen).max())
 
 
@@ -183,7 +186,7 @@ class _Pair:
     def of(cls, fixed: _Level, moving: _Level) -> _Pair:
         """Draw pixels that are known."""
         inner = np.zeros(fixed.values.shape, np.bool_)
-        inner[2:-2, 2:-2] = fixed.weight[2:-2, 2:-2] > _COMPARED
+        inner[_BORDER:-_BORDER, _BORDER:-_BORDER] = fixed.weight[_BORDER:-_BORDER, _BORDER:-_BORDER] > _COMPARED
         chosen = np.flatnonzero(inner)
         n_independent = max(min(len(chosen) / (4 * np.pi * _BLUR**2), _SAMPLED), 2)
         if len(chosen) > _SAMPLED:

@@ -306,6 +306,8 @@ def _line(pairs: tuple[Floats, Floats]) -> tuple[float, float] | None:
     from scipy.stats import theilslopes
 
     values, wanted = pairs
+    if min(np.ptp(values), np.ptp(wanted)) == 0:
+        return None
     # What is left of noise and of motion, in both, biases the slope of a regression of either on the other alike.
     slopes = [theilslopes(*pair).slope for pair in ((wanted, values), (values, wanted))]
     gain = float(np.sqrt(max(slopes[0], 0) / slopes[1])) if slopes[1] > 0 else 0.0

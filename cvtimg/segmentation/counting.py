@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_choice, check_non_negative, check_partial_image, check_shape, check_that
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Array, Bools, Floats32, ImageLike, Ints, Ints64
+from cvtimg.engine.points import scale_for_float32
 from cvtimg.segmentation.field_of_view import (
     CONVEX,
     SEVERAL,
@@ -161,6 +162,7 @@ def count_objects(
         check_non_negative("neck_depth", neck_depth)
     bands, inside, size = checked_bands(image, spacing, mask)
     gray = bands.mean(axis=-1, dtype=np.float32)
+    gray *= scale_for_float32(float(np.abs(gray[inside]).max()))
     inside = within_margins(gray, inside)
     shape = (-1, *gray.shape[-2:])
     for plane, seen in zip(gray.reshape(shape), inside.reshape(shape), strict=True):

@@ -127,6 +127,7 @@ TREATMENTS = {
 ROUNDED = {
     "noise": lambda image: np.random.default_rng(0).normal(100, 8, image.shape),
     "8 bits": lambda image: np.uint8(image.clip(0, 255).round()),
+    "64 bits": lambda image: (2.0**55 * image).astype(np.uint64),
     "single floats": lambda image: np.float32(image),
     "a strip": lambda image: image[:, :12].round(),
 }

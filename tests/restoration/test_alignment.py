@@ -48,10 +48,10 @@ def test_what_a_shift_uncovers_is_not_known_and_the_rest_is_in_place(photograph:
     np.testing.assert_allclose(aligned.bands(1)[inner, inner], fixed[inner, inner], atol=0.02)
 
 
-def test_flat_versions_are_left_where_they_are() -> None:
-    flat = np.full((20, 20), 0.5)
+@pytest.mark.parametrize("version", [np.full((20, 20), 0.5), np.random.default_rng(0).random((4, 50)), np.eye(1, 99)])
+def test_versions_that_are_flat_or_small_are_left_where_they_are(version: Array) -> None:
     with pytest.warns(UserWarning, match=r"images\[1\] cannot be aligned"):
-        _, found = align(stack_versions([flat, flat]))
+        _, found = align(stack_versions([version, version]))
     np.testing.assert_array_equal(found.transforms, np.tile(np.eye(3), (2, 1, 1)))
 
 
