@@ -15,6 +15,7 @@ from scipy.ndimage import median_filter, uniform_filter, uniform_filter1d
 from cvtimg._shared.threads import in_stripes, of_each
 from cvtimg._shared.types import Array, Bools, Floats, Floats32
 from cvtimg.restoration.versions import Versions, fill
+from cvtimg.segmentation.noise import MEDIAN_OF_NORMAL, NEXT_TO_LIGHT
 
 #: Chance that what is there by itself seems to be impulses.
 _CHANCE = 1e-3
@@ -27,8 +28,6 @@ _ALONE, _NEAR = 0.25, 2.0
 #: Ranges of what is around by which lone pixels stand out, and by which many of them must: of what stands out by one in
 #: 24 photographs, and in lights of a width of .5 pixels, no more than this part does so by as many, and none in wider.
 _LONE, _FAR, _RARELY = 2.0, 3.0, 0.05
-#: Ranges by which a single one stands out: the narrowest light, of a width of .35 pixels, has 1 / 64 of it in the next.
-_BY_ITSELF = 64
 #: Correlation of the offsets of rows in the left and in the right half, from which on they are those of the rows.
 _ALIKE = 0.6
 #: Pixels above and below with which rows are compared, and columns of which each tells their offset.
@@ -152,7 +151,7 @@ def _lone(bands: Floats32) -> Bools | None:
         return None  # drawn: any dot is true
     step, are_many = usual + np.float32(np.nanmax(bands) - np.nanmin(bands)) / 64, False
     for apart in (bands - high, low - bands):
-        hits |= (apart > _BY_ITSELF * (spread + usual)).any(axis=2)
+        hits |= (NEXT_TO_LIGHT * apart > spread + usual).any(axis=2)  # by itself: no light stands out by as much
         out, lone, most = ((apart > times * (spread + step)).any(axis=2) for times in (1, _LONE, _FAR))
         n = np.count_nonzero(most)
         if binom.sf(n - 1, np.count_nonzero(out), _RARELY) < _CHANCE and _vary(apart[apart > spread + step]):
@@ -234,11 +233,11 @@ def _departures(band: Floats32) -> Floats32:
 
 def _are_of_rows(departures: Floats32) -> bool:
     """Tell whether parts of rows, (H, P), depart alike in the left and in the right half."""
-    from scipy.stats import norm, spearmanr
+    from scipy.stats import spearmanr
 
     half = departures.shape[1] // 2
     left, right = departures[:, :half].mean(axis=1), departures[:, half:].mean(axis=1)
     # Ranks, because edges across the picture are in few rows, and offsets in all.
     # Offsets are normal; what charts and lines of text have is in few rows, and far from that of the most.
-    usual = [np.median(np.abs(side)) > norm.isf(0.25) / 2 * side.std() for side in (left, right)]
+    usual = [np.median(np.abs(side)) > MEDIAN_OF_NORMAL / 2 * side.std() for side in (left, right)]
     return bool(all(usual) and spearmanr(left, right).statistic > _ALIKE)

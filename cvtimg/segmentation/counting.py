@@ -27,6 +27,7 @@ from cvtimg.segmentation.field_of_view import (
     SEVERAL,
     are_bright,
     evenly_lit,
+    left_by_two,
     surroundings,
     within_margins,
     without_light,
@@ -74,8 +75,6 @@ class Settings:
     bin: float = 0.0625  # half the width of the bins of contrast in which pixels are counted
 
 
-#: Mean distance of half of a normal distribution from its median, in standard deviations.
-_SPREAD_OF_HALF = 0.4742
 #: Those of `count_objects`.
 SETTINGS = Settings()
 #: Noise of outlines in pixels, of which ripples are told from necks, and the depth of necks if that is said.
@@ -317,9 +316,9 @@ def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Fl
     planes = gray.reshape(-1, *gray.shape[-2:])
     every = -(-len(planes) // SETTINGS.some_planes)
     some, known = planes[::every], inside.reshape(planes.shape)[::every]
-    noise = min(
-        float(np.median([noise_covariance(plane[..., None]) for plane in some])) ** 0.5, _most_noise(some[known])
-    )
+    # Noise alone leaves 1 - 2 / pi of its variance about the means of its halves: dots, which leave less, are none.
+    noise = np.median([noise_covariance(plane[..., None]) for plane in some])
+    noise = float(min(noise, left_by_two(some[known]) / (1 - 2 / np.pi))) ** 0.5
     first = np.stack([gaussian_filter(plane, 2.0) for plane in some])
     bright = are_bright(first)
     step = float(first[bright].mean() - first[~bright].mean()) if 0 < bright.sum() < bright.size else 0.0
@@ -327,15 +326,6 @@ def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Fl
     sigmas = [blur / side for side in size]
     left = [min(1.0, (2 * np.sqrt(np.pi) * sigma) ** -0.5) for sigma in sigmas]
     return gaussian_filter(gray, sigmas), blur, noise * float(np.prod(left))
-
-
-def _most_noise(values: Floats32) -> float:
-    """Return the noise that would explain all that values of two classes vary within these: dots are no noise."""
-    bright = are_bright(values) if values.size else np.zeros(0, np.bool_)
-    if not bright.any():
-        return 0.0
-    away = np.where(bright, values - np.median(values[bright]), values - np.median(values[~bright]))
-    return float(np.abs(away).mean()) / _SPREAD_OF_HALF
 
 
 def _noise_of_ground(contrast: Floats32, inside: Bools, radius: float) -> float:

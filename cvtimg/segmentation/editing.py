@@ -14,10 +14,8 @@ from cvtimg._shared.types import Array, Ints
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.touching import numbered
 
-#: Kinds of edits, and the least number of points of each; those with a brush have a radius first.
-_LEAST = {"merge": 2, "split": 1, "paint": 1, "add": 1, "erase": 1}
-_BRUSHES = ("paint", "add", "erase")
-_WIDEST = 10_000
+#: Kinds of edits by a brush, whose radius comes before its points, and others.
+_BRUSHES, _OTHERS = ("paint", "add", "erase"), ("merge", "split")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class Edit:
         with suppress(ValueError):
             radius = float(words.pop(0)) if kind in _BRUSHES and words else 0.0
             points = tuple((int(x), int(y)) for x, y in (word.split(",") for word in words))
-            if len(points) >= _LEAST.get(kind, 1 << 62) and 0 <= radius <= _WIDEST:
+            if kind in (*_BRUSHES, *_OTHERS) and len(points) > (kind == "merge") and 0 <= radius < np.inf:
                 return cls(kind, points, radius)
         raise ValueError(
             f"{text[:60]!r} must be merge X,Y X,Y..., split X,Y, paint R X,Y..., add R X,Y... or erase R X,Y..."
@@ -105,9 +103,8 @@ def edit_labels(
         elif edit.kind == "split":
             _split(edited, edit, hierarchy() if callable(hierarchy) else hierarchy)
         else:
-            target = {"erase": 0, "add": edited.max() + 1}.get(
-                edit.kind, next(iter(_labels_at(edited, edit.points)), 0)
-            )
+            painted = next(iter(_labels_at(edited, edit.points)), 0)
+            target = {"erase": 0, "add": edited.max() + 1, "paint": painted}[edit.kind]
             brush(edited, edit.points, edit.radius, target)
     return numbered(edited)
 
@@ -121,7 +118,7 @@ def brush(image: Array, points: Sequence[tuple[int, int]], radius: float, value:
         y, x = np.ogrid[top : max(bottom, top), left : max(right, left)]
         dx, dy = x1 - x0, y1 - y0
         along = np.clip(((x - x0) * dx + (y - y0) * dy) / max(dx * dx + dy * dy, 1), 0, 1)
-        near = (x - x0 - along * dx) ** 2 + (y - y0 - along * dy) ** 2 <= radius**2
+        near = (x - x0 - along * dx) ** 2 + (y - y0 - along * dy) ** 2 <= radius * radius
         image[top : max(bottom, top), left : max(right, left)][near] = value
 
 

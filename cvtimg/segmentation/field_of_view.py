@@ -162,11 +162,11 @@ def without_light(gray: Floats32, inside: Bools) -> Floats32:
     """
     from scipy.ndimage import gaussian_filter
 
-    if gray.ndim != 2 or np.ptp(gray[inside]) == 0:
+    if gray.ndim != 2:
         return gray
     smooth = gaussian_filter(np.where(inside, gray, np.median(gray[inside])), FOR_CONTRAST)
     light = _light(smooth, inside)
-    uneven, even = (_left_by_two(values[inside]) for values in (smooth, smooth - light))
+    uneven, even = (left_by_two(values[inside]) for values in (smooth, smooth - light))
     if 2 * even >= uneven:
         return gray
     levels = np.unique(gray[inside])
@@ -175,9 +175,9 @@ def without_light(gray: Floats32, inside: Bools) -> Floats32:
     return left if np.ptp(left[inside]) > 3 * rounding else np.zeros_like(gray)
 
 
-def _left_by_two(values: Floats32) -> float:
+def left_by_two(values: Floats32) -> float:
     """Return the mean squared distance of values to the nearer of two levels."""
-    bright = are_bright(values)
+    bright = are_bright(values) if values.size else values > 0
     if not bright.any():
         return 0.0
     return float(np.square(values - np.where(bright, values[bright].mean(), values[~bright].mean())).mean())

@@ -12,7 +12,7 @@ import numpy as np
 
 from cvtimg._shared.choices import Row
 from cvtimg._shared.types import Array, Bools, Ints
-from cvtimg.labels.components import connected_pieces, track_labels
+from cvtimg.labels.components import track_labels
 from cvtimg.labels.figures import region_table
 from cvtimg.pictures.files import ImageInfo, image_info, read_metadata
 from cvtimg.pictures.formats.geotiff import is_in_meters
@@ -45,8 +45,8 @@ class DividedStack:
         together = {"k": sum if self.results[0].counting else max, "energy": sum, "n_iter": max, "converged": all}
         columns = each[0] | {name: join(row[name] for row in each) for name, join in together.items()}
         columns["elbow"] = None if self.pages else columns["elbow"]
-        regions = sum(int(connected_pieces(page).max()) for page in self.labels)
-        sides = sum(int(np.count_nonzero(np.diff(self.labels, axis=axis))) for axis in (1, 2))
+        regions = sum(result.n_regions for result in self.results)
+        sides = sum(result.edge_length for result in self.results)
         return {"left_out": int((self.labels == 0).sum()), **columns, "regions": regions, "edge_length": sides}
 
 

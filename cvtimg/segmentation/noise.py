@@ -31,8 +31,9 @@ _FLAT = 0.5
 _PIXELS_THAT_COUNT = 3.78
 #: Median distance of normal noise from its median, in standard deviations.
 MEDIAN_OF_NORMAL = 0.6745
-#: Part of the narrowest light that a lens draws, of a width of .35 pixels, that the next pixel has; impulses have none.
-_NEXT_TO_LIGHT = 1 / 64
+#: Part of the narrowest light that a lens draws, a Gaussian of a width of .35 pixels, that the next pixel has: larger
+#: takes more lights for impulses, which have none.
+NEXT_TO_LIGHT = 1 / 64
 
 
 def noise_covariance(values: Array, inside: Bools | None = None) -> Floats:
@@ -121,7 +122,7 @@ def without_impulses(plane: Floats32) -> Floats32:
         alone = (plane[y, x] > near.max(axis=0, initial=-np.inf) + out) | (plane[y, x] < near.min(axis=0) - out)
         steps = (plane - around)[y, x]
         lent = (near[[1, 3, 4, 6]].mean(axis=0) - near[[0, 2, 5, 7]].mean(axis=0)) * np.sign(steps)
-        if not abs(lent[alone].sum()) < _NEXT_TO_LIGHT * np.abs(steps[alone]).sum():
+        if not abs(lent[alone].sum()) < NEXT_TO_LIGHT * np.abs(steps[alone]).sum():
             break
         # By chance, impulses touch in groups: of n in N pixels, n (8 n / N)^(k - 1) in groups of k.
         n, pieces = len(y), label(hits, np.ones((3, 3)))[0]

@@ -31,7 +31,7 @@ _THOROUGH = {"n_cells": 2000, "n_rounds": 2}
 #: The descent starts from segments of the image averaged until the noise is this part of the remaining variance.
 _NOISE_AT_START = 0.25
 _LARGEST_START = 5.0
-_LARGEST_RADIUS, _LARGEST_AVERAGING = 30, 1000
+LARGEST_RADIUS, _LARGEST_AVERAGING = 30, 1000
 #: Curves start from an image blurred as for this many segments.
 _SEGMENTS_AT_START = 4
 
@@ -61,7 +61,7 @@ class Smoothness:
         effort: EffortName = "balanced",
     ) -> Smoothness:
         """Check the arguments of `segment` by these names."""
-        radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
+        radius = check_count("edge_radius", edge_radius, LARGEST_RADIUS, "the largest disc")
         given = check_edge_weight(smallest_detail, "smallest_detail")
         # Where "auto" decides what counts, details larger than a pixel that are as different as any always do.
         detail, described = (1.0, not volume_power) if given is None else (given, False)
@@ -70,7 +70,7 @@ class Smoothness:
         weight = check_edge_weight(edge_weight)
         return cls(averaging, weight, radius, detail, described, volume_power, planes, effort)
 
-    def weight_under(self, noise: Floats, gain: float = 1.0) -> tuple[float, float]:
+    def edge_weight_for(self, noise: Floats, gain: float = 1.0) -> tuple[float, float]:
         """Return the edge weight, or the least one and the detail that it is to follow; gain is that of the noise."""
         if self.edge_weight is not None:
             return self.edge_weight, 0.0
@@ -88,7 +88,7 @@ class Smoothness:
         field, deviation = values.field(), self.averaging
         data = values.in_even_light(field, shaded) if shaded else field
         noise = np.zeros((1, 1)) if self.edge_weight == 0 else noise_covariance(data, values.inside)
-        weight, detail = self.weight_under(noise, noise_gain(deviation) if deviation else 1.0)
+        weight, detail = self.edge_weight_for(noise, noise_gain(deviation) if deviation else 1.0)
         if deviation:
             data = averaged(data, deviation, values.inside)
         return Prepared(self, values, field, data, noise, weight, detail)
@@ -136,9 +136,7 @@ def auto_weight(noise: Floats, radius: int, planes: Planes | None = None) -> flo
 def blur_at_start(variance: float, noise: Floats, n_segments: int) -> float:
     """Return the standard deviation of a Gaussian that keeps noise from hiding the segments; 0 if none is needed."""
     noisy = float(np.trace(noise))
-    signal = max(variance - noisy, 1e-3 * noisy)
-    if noisy == 0:
-        return 0.0
+    signal = max(variance - noisy, 1e-3 * noisy, np.finfo(float).tiny)
     # A Gaussian of standard deviation s leaves 1 / (2 s sqrt(pi)) of white noise. Levels of K segments are K / 2
     # times closer to each other than those of two.
     blur = np.sqrt(noisy / signal) * n_segments / 2 / (2 * np.sqrt(np.pi) * _NOISE_AT_START)

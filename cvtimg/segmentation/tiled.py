@@ -27,7 +27,7 @@ from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, write_bands
 from cvtimg.segmentation.edge_weight import Layers, Moves, State
 from cvtimg.segmentation.frames import frame_of
 from cvtimg.segmentation.noise import TRUNCATE, averaged, noise_of_rows
-from cvtimg.segmentation.prepared import Smoothness, blur_at_start
+from cvtimg.segmentation.prepared import LARGEST_RADIUS, Smoothness, blur_at_start
 from cvtimg.segmentation.result import SegmentedFile, sorted_ends
 from cvtimg.segmentation.values import at_pixels, values_of
 
@@ -35,8 +35,6 @@ from cvtimg.segmentation.values import at_pixels, values_of
 _ENOUGH_AVERAGES = 1 << 20
 #: Pixels of a strip. Values, labels and temporary arrays take about 100 bytes per pixel.
 STRIP_PIXELS = 1 << 21
-#: Smallest number of rows of a strip: more than the largest disc of neighbors reaches.
-_LEAST_ROWS = 32
 #: Pixels at most of an image whose rows and columns may change places: strips of it are then read from all rows.
 _MOST_TO_TURN = 1 << 26
 
@@ -114,7 +112,7 @@ def segment_file(
         samples: Any = picture.values.samples
         scale, origin = picture.values.scale, picture.values.center
         noise = np.zeros((1, 1)) if edge_weight == 0 else noise_of_rows(picture.read, picture.shape)
-        weight, detail = smoothness.weight_under(noise)
+        weight, detail = smoothness.edge_weight_for(noise)
         n_cells = min(n_segments, samples.n_colors)
         blur = blur_at_start(picture.values.variance, noise, n_cells)
         if blur:
@@ -188,7 +186,7 @@ class PixelsOnDisk:
         self.values = values_of(count.of_some("is known"), np.empty((0, 0), np.bool_), space, form.dtype)
         self.frame = frame_of(self._pixels[:], self._inside[:], prod(form.shape[:2]) <= _MOST_TO_TURN)
         height, width = self.shape = self.frame.of(self._inside[:]).shape
-        n_rows = max(STRIP_PIXELS // width, _LEAST_ROWS)
+        n_rows = max(STRIP_PIXELS // width, LARGEST_RADIUS + 1)  # more than the largest disc of neighbors reaches
         self.strips = [(first, min(first + n_rows, height)) for first in range(0, height, n_rows)]
         self._center = self.values.center
 

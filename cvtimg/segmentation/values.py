@@ -22,10 +22,9 @@ from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import SPACES, from_space, to_space
 from cvtimg.segmentation.local_means import in_even_light
 
-_MOST_LEVELS = 65535
 #: Part of the size of values in which float32 has 256 levels, as 8 bits have; more refuses more images.
 _LOST = 2.0**-15
-#: White of integers that floating point may stand for, which is 1 if it is from 0 to 1.
+#: White of integers that floating point may stand for, which is 1 if it is from 0 to 1; the last, the most levels.
 _WHITES = (1, 255, 65535)
 
 
@@ -176,7 +175,7 @@ def to_levels(samples: Array) -> tuple[Array, Spacing]:
         steps = samples if low == 0 else (samples.astype(np.int64) if low < 0 else samples) - low
         some = steps[:: len(steps) // 256 + 1]  # from everywhere: a corner may be of one color
         step = 1 if np.gcd.reduce(some, axis=None) == 1 else int(np.gcd.reduce(steps, axis=None))
-        if high - low <= _MOST_LEVELS * step:
+        if high - low <= _WHITES[-1] * step:
             dtype = np.uint8 if high - low <= 255 * step else np.uint16
             return (steps if step == 1 else steps // step).astype(dtype, copy=False), Spacing(
                 limits[0], float(step), 1.0, *limits
@@ -187,7 +186,7 @@ def to_levels(samples: Array) -> tuple[Array, Spacing]:
         n_steps = span * white  # floating point that integers up to this white became when 1 was made of it
         levels = np.rint(shares * n_steps)
         rounding = 4 * float(np.finfo(samples.dtype).eps) * max(abs(low), abs(high)) * white
-        if levels.max() <= _MOST_LEVELS and np.abs(levels - shares * n_steps).max() <= rounding < 0.05:
+        if levels.max() <= _WHITES[-1] and np.abs(levels - shares * n_steps).max() <= rounding < 0.05:
             whole, spacing = to_levels(levels.astype(np.uint16))
             offset = limits[0] * white
             if abs(offset - round(offset)) <= rounding:  # these integers themselves
