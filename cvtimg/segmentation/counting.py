@@ -54,11 +54,9 @@ class Settings:
     blur_of_noise: float = 4.0  # pixels of blur before anything else, for noise as large as the contrast
     blurs: tuple[float, float] = (0.7, 3.0)  # at least what sampling needs, also of distances; at most what keeps necks
     object_prior: float = 0.05  # how much the mean of all counts where objects are far, as ground is nowhere
-    some_planes: int = 9  # in which noise is measured
-    tile: int = 1 << 23  # pixels at a time, for 1 GB of memory; generators vary too slowly to need more
+    tile: int = 1 << 23  # pixels at a time, for 1 GB of memory; noise and generators do not need more
     above_noise: float = 5.0  # times the noise that the blur leaves, by which objects differ from the background
     dimmest: float = 0.15  # contrast of the dimmest objects
-    n_peels: int = 3  # how often brighter objects are taken away, and what is above the noise of the ground
     thin: float = 1 / 3  # what brighter objects leave counts where it is thicker
     full: float = 0.7  # of their parts, what three of four discs of a clump fill; parts of objects with pores, 0.63
     spots: float = 0.001  # share of what lies deep in objects that is no part of them; more takes texture for gaps
@@ -66,7 +64,6 @@ class Settings:
     small: float = 9.0  # objects of a smaller radius in pixels are divided on a grid twice as fine
     least_size: float = 0.12  # of the usual object's pixels
     most_discs: float = 4.0  # the usual object, in discs that fit in it: a rod has three, a ring more; overlap of tiles
-    max_fields: int = 2  # fields of view, one in another
     outline: float = 2.5  # noise of outlines, in pixels, per noise of contrast and pixel of blur: one over their slope
     most_cover: float = 0.9  # of what counts, by objects; above, the background is in doubt
     flat: float = 0.6  # of their width, how deep objects of a volume of cubes are at least; below, cubes are in doubt
@@ -168,13 +165,13 @@ def count_objects(
         # What does not count may hold anything.
         plane[:] = without_impulses(from_nearest(plane, seen) if seen.any() and not seen.all() else plane)
     gray = without_light(gray, inside)
-    for left_to_try in range(SETTINGS.max_fields, -1, -1):
+    while True:  # fields of view, one in another
         if not inside.all():
             gray[~inside] = np.median(gray[inside])
         smooth, blur, noise = denoised(gray, inside, size)
         contrast, step = contrast_of(smooth, inside, background)
         near = int(2 * blur) + 1
-        outside = surroundings(gray, (contrast > 0.5) & inside, inside, near) if left_to_try else None
+        outside = surroundings(gray, (contrast > 0.5) & inside, inside, near)
         if outside is None:
             break
         inside = inside & ~outside
@@ -314,7 +311,7 @@ def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Fl
     from scipy.ndimage import gaussian_filter
 
     planes = gray.reshape(-1, *gray.shape[-2:])
-    every = -(-len(planes) // SETTINGS.some_planes)
+    every = -(-gray.size // SETTINGS.tile)
     some, known = planes[::every], inside.reshape(planes.shape)[::every]
     # Noise alone leaves 1 - 2 / pi of its variance about the means of its halves: dots, which leave less, are none.
     noise = np.median([noise_covariance(plane[..., None]) for plane in some])
@@ -331,13 +328,15 @@ def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Fl
 def _noise_of_ground(contrast: Floats32, inside: Bools, radius: float) -> float:
     """Return the noise of the ground after the blur, in contrasts: what varies over less than the size of an object."""
     lag, noise, top = max(round(radius), 1), 0.0, 0.5
-    for _ in range(SETTINGS.n_peels):  # dim objects are no ground
+    for _ in range(ROUNDS):  # dim objects are no ground
         ground, steps = inside & (contrast < top), []
         for values, known in ((contrast, ground), (contrast.T, ground.T)):
             steps.append(np.abs(values[lag:] - values[:-lag])[known[lag:] & known[:-lag]])
         some = np.concatenate(steps)
         noise = float(np.median(some[:: max(some.size >> 20, 1)])) / (MEDIAN_OF_NORMAL * 2**0.5) if some.size else 0.0
-        top = min(top, SETTINGS.clipped * noise)
+        if SETTINGS.clipped * noise >= top:
+            break
+        top = SETTINGS.clipped * noise
     return noise
 
 
@@ -456,12 +455,12 @@ def _peeled(contrast: Floats32, threshold: float, radius: float, size: tuple[flo
 
     rest, shares = contrast > min(threshold, 0.5), np.full(contrast.shape, np.float32(0.5))
     thick = max(radius * SETTINGS.thin, 1)
-    for _ in range(SETTINGS.n_peels):
-        if np.count_nonzero(rest) * np.prod(size) <= thick**rest.ndim:
-            break
+    while np.count_nonzero(rest) * np.prod(size) > thick**rest.ndim:
         pieces, n_pieces = label(rest)
         levels = np.append(np.inf, median(contrast[rest], pieces[rest], np.arange(1, n_pieces + 1)))
         core = rest & (contrast > 0.5 * levels[pieces]) & (levels[pieces] >= threshold)
+        if not core.any():
+            break
         shares[core] = contrast[core] / levels[pieces[core]]
         # What is left counts where it is thick: in balls of this radius.
         kernels = distance_transform_edt(rest & ~binary_dilation(core, iterations=2), size) > thick

@@ -9,7 +9,7 @@ from scipy import ndimage
 from skimage import data
 
 from cvtimg._shared.types import Array, Bytes, Floats
-from cvtimg.segmentation import count_objects
+from cvtimg.segmentation import count_objects, counting
 
 RIGHT = np.mgrid[:120, :160][1].astype(np.float64)
 #: Centers and radii: pairs that touch, one alone, and one that is cut off.
@@ -168,3 +168,43 @@ def test_discs_of_a_clump_are_counted_however_round_it_is(n_rings: int) -> None:
     places = [(110 + 17.3 * b, 110 + 20 * a + 10 * b, 10) for a in steps for b in steps if abs(a + b) <= n_rings]
     clump = ndimage.gaussian_filter(np.float64(discs(places, (220, 220)) > 0), 0.8)
     assert count_objects(noisy(clump, 0.06)).n_segments == len(places)
+
+
+#: Shapes in a frame of their own, in radii.
+SHAPES: dict[str, Any] = {
+    "dim and bright": lambda u, v, rng: (np.hypot(u, v) < rng.uniform(0.4, 1.15)) * rng.choice([1, 0.6, 0.35, 0.22]),
+    "pairs": lambda u, v, _: (np.hypot(u - 0.8, v) < 1) | (np.hypot(u + 0.8, v) < 1),
+    "unequal pairs": lambda u, v, _: (np.hypot(u - 0.8, v) < 1) | (np.hypot(u + 0.8, v) < 0.6),
+    "rods": lambda u, v, _: np.hypot(np.maximum(abs(u) - 1.4, 0), v) < 0.5,
+}
+
+
+def crowd(kind: str, radius: float, sigma: float, seed: int) -> tuple[Bytes, int]:
+    """Draw shapes side by side, turned at random, with noise; return the image and how many objects are in it."""
+    rng, side = np.random.default_rng(seed), 160
+    image, step = np.zeros((side, side)), int((3.3 if "dim" in kind else 4.4) * radius) + 2
+    places = np.mgrid[step // 2 : side - step // 2 : step, step // 2 : side - step // 2 : step].reshape(2, -1).T
+    for y, x in places:
+        turn, (down, right) = np.exp(1j * rng.uniform(0, np.pi)), np.mgrid[:side, :side]
+        at = ((right - x) + 1j * (down - y)) * turn / radius
+        image = np.maximum(image, SHAPES[kind](at.real, at.imag, rng))
+    smooth = ndimage.gaussian_filter(image, 0.8) + rng.normal(0, sigma, image.shape)
+    return np.uint8((60 + 120 * smooth).clip(0, 255)), len(places) * (1 + ("pairs" in kind))
+
+
+@pytest.mark.parametrize(
+    ("kind", "radius", "sigma", "seed"),
+    [("dim and bright", 6, 0.08, 3), ("unequal pairs", 6, 0.15, 0), ("pairs", 6, 0.2, 1)],
+)
+def test_each_of_many_objects_is_found_by_itself(kind: str, radius: float, sigma: float, seed: int) -> None:
+    image, n = crowd(kind, radius, sigma, seed)
+    assert count_objects(image).n_segments == n
+
+
+def test_blur_follows_the_noise_as_far_as_necks_and_sampling_allow() -> None:
+    counts = [count_objects(noisy(drawn(), sigma)).counting for sigma in (0.05, 0.3, 1.5)]
+    assert [count.blur for count in counts if count] == pytest.approx([0.7, 1.2, 3], rel=0.2)
+
+
+def test_eight_megapixels_are_counted_in_one_piece() -> None:
+    assert [len([*counting._tiles((side, side), 0)]) for side in (2700, 3100)] == [1, 4]
