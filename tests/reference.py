@@ -1,6 +1,8 @@
 """Plain NumPy oracles: slow, short and obviously right."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import astuple
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,3 +157,11 @@ def cube() -> tuple[Floats, Indices]:
     corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
     squares = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     return corners, np.array([[a, b, c] for a, b, c, _ in squares] + [[a, c, d] for a, _, c, d in squares])
+
+
+def assert_the_guide_tells(page: str, efforts: Mapping[str, Any]) -> None:
+    """The table of efforts of a page has all numbers of their records."""
+    lines = (Path(__file__).parents[1] / "docs" / page).read_text(encoding="utf-8").replace(",", "").splitlines()
+    for name, effort in efforts.items():
+        (row,) = (line.strip("|").split("|")[1:] for line in lines if line.startswith(f"| `{name}` |"))
+        assert [float(number) for number in row] == np.hstack(astuple(effort))[: len(row)].tolist()

@@ -22,8 +22,6 @@ from cvtimg.placement.regions import Box
 
 #: Dimensions up to which cells are computed exactly.
 MOST_EXACT_DIMS = 3
-#: Mean spacings from a wall up to which points have images at first, enough for most: with more, more are made.
-_HALO = 2.6
 
 
 def exact_cells(points: Floats, periodic: bool) -> CellSums:
@@ -31,7 +29,7 @@ def exact_cells(points: Floats, periodic: bool) -> CellSums:
     if points.shape[1] == 1:
         return _intervals(points[:, 0], periodic)
     n_points, n_dims = points.shape
-    width = _HALO * n_points ** (-1 / n_dims)
+    width = 2.6 * n_points ** (-1 / n_dims)  # from walls, within which points have images at first: enough for most
     while True:
         cells = _cells(points, periodic, width)
         # A corner of a cell within the cube feels images up to its distance from the point; on the torus twice that.

@@ -20,8 +20,6 @@ from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
 
 #: Share by which the energy of Latin points may be above the best if they are more even.
 _ABOUT = 5e-3
-#: Sides of the cube that free points stay from its walls: there, mirror images would lie on them.
-_MARGIN = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +52,8 @@ def place(cube: Cube, n_points: int, existing: Floats, effort: EffortName, rng: 
     ]
     free = np.arange(n_points + len(existing)) >= len(existing)
     descend, stopping = (l_bfgs, EFFORTS[effort].exact) if cube.exact else (over_relaxed, EFFORTS[effort].sampled)
-    terms = Terms(
-        stopping, free, None if cube.periodic else lambda points, before: np.clip(points, _MARGIN, 1 - _MARGIN)
-    )
+    # On a wall, mirror images would lie on the points.
+    terms = Terms(stopping, free, None if cube.periodic else lambda points, before: np.clip(points, 1e-9, 1 - 1e-9))
     ends = [descend(cube, np.concatenate([existing, start]), terms) for start in starts]
     ends.sort(key=lambda end: end.energies[-1])
     designs = [end.generators[len(existing) :] for end in ends]

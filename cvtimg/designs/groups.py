@@ -11,11 +11,6 @@ from cvtimg._shared.checks import check_count, check_in_range, check_shape
 from cvtimg._shared.types import Floats, Indices
 from cvtimg.designs.cells import check_unit_points
 
-_Labels = Indices
-
-#: Points up to which groups begin several times, and how often; the best are kept.
-_FEW, _STARTS = 256, 8
-
 
 def split_evenly(
     points: ArrayLike,
@@ -24,7 +19,7 @@ def split_evenly(
     known: ArrayLike = (),
     others: Sequence[ArrayLike] = (),
     rng: int | np.random.Generator = 0,
-) -> _Labels:
+) -> Indices:
     """Divide (n, d) points of the unit cube into groups of equal size, but for one, that fill it evenly: (n,) numbers.
 
     The first points stay in the (L,) groups that are known of them; each of other (n,) groups is divided, too.
@@ -41,7 +36,8 @@ def split_evenly(
     check_in_range("known", known, ((held >= 0) & (held < n_groups)).all(), f"groups in 0..{n_groups - 1}")
     random = np.random.default_rng(rng)
     terms = partial(_terms, np.ascontiguousarray(places.T), [np.asarray(labels) for labels in others])
-    starts = [_start(len(places), n_groups, held, random) for _ in range(_STARTS if len(places) <= _FEW else 1)]
+    # Few points begin several times, and the best are kept.
+    starts = [_start(len(places), n_groups, held, random) for _ in range(8 if len(places) <= 256 else 1)]
     return min(starts, key=lambda labels: _exchange(terms, labels, n_groups, len(held), random))
 
 
@@ -57,7 +53,7 @@ def _terms(columns: Floats, others: Sequence[NDArray[np.generic]], point: int) -
     return terms
 
 
-def _start(n_points: int, n_groups: int, known: _Labels, rng: np.random.Generator) -> _Labels:
+def _start(n_points: int, n_groups: int, known: Indices, rng: np.random.Generator) -> Indices:
     """Put points into groups at random, first into those that have the fewest."""
     counts = np.bincount(known, minlength=n_groups)
     labels = list(known)
@@ -68,7 +64,7 @@ def _start(n_points: int, n_groups: int, known: _Labels, rng: np.random.Generato
 
 
 def _exchange(
-    terms_of: Callable[[int], Floats], labels: _Labels, n_groups: int, n_known: int, rng: np.random.Generator
+    terms_of: Callable[[int], Floats], labels: Indices, n_groups: int, n_known: int, rng: np.random.Generator
 ) -> float:
     """Let two points change groups where that gains the most, in place, until none gains; return what is left."""
     n_points = len(labels)

@@ -106,14 +106,10 @@ class Slices:
 
 #: The registry of criteria for which any two points swap.
 CRITERIA = {"discrepancy": _designs.DISCREPANCY, "maximin": _designs.MAXIMIN, "projection": _designs.PROJECTION}
-#: No swap of neighbors brings two points nearer than this times the least distance, so that cells stay round; and the
-#: tries of each pair.
-_APART, _TRIES = 1.15, 10
-#: Rounds of swaps of any two points, whose threshold is a quantile of the losses of the round before: the share that is
-#: taken at first, which falls as the square of the rounds left; and the last part, in which only gains count.
-_ROUNDS, _SHARE, _LAST_PART = 60, 0.03, 0.1
-#: Tries for each coordinate: with fewer only gains count, and more gain nothing.
-_FEWEST_TRIES, _MOST_TRIES = 10, 10_000
+#: Multiple of the least distance that swaps of neighbors leave between points: with less, cells are less round.
+_APART = 1.15
+#: Rounds of swaps of any two points, in the last tenth of which only gains count: with more, each has fewer tries.
+_ROUNDS = 60
 
 
 def even_out(points: Floats, existing: Floats, periodic: bool, work: int, rng: np.random.Generator) -> Floats:
@@ -126,7 +122,7 @@ def even_out(points: Floats, existing: Floats, periodic: bool, work: int, rng: n
     n_points, n_dims = points.shape
     if n_points == 1:
         return points
-    n_tries = min(_TRIES * points.size, work // ((n_points + len(existing)) * n_dims))
+    n_tries = min(10 * points.size, work // ((n_points + len(existing)) * n_dims))
     axes, first = rng.integers(n_dims, size=n_tries), rng.integers(n_points - 1, size=n_tries)
     swaps = _Swaps(points, existing, points[:0], "discrepancy", periodic)
     swaps.run(np.stack([axes, first, first + 1], axis=1), -ROUNDING, least=_APART * swaps.least_distance)
@@ -147,13 +143,15 @@ def anneal(
         return points
     swaps = _Swaps(points, existing, free, criterion, periodic)
     threshold = 0.0
-    n_tries = min(_MOST_TRIES * points.size, work // ((n_points + len(existing)) * n_dims))
-    for left in np.linspace(1, -_LAST_PART, _ROUNDS):
+    # More than 10,000 tries for each coordinate gain nothing, and with fewer than 10 only gains count.
+    n_tries = min(10_000 * points.size, work // ((n_points + len(existing)) * n_dims))
+    for left in np.linspace(1, -0.1, _ROUNDS):
         axes = rng.choice(np.flatnonzero(n_movable > 1), size=n_tries // _ROUNDS)
         first, by = rng.integers(n_movable[axes]), rng.integers(1, n_movable[axes])
         changes = swaps.run(np.stack([axes, first, (first + by) % n_movable[axes]], axis=1), threshold)
         losses = changes[changes > 0]
-        taken = _SHARE * max(left, 0) ** 2 if n_tries > _FEWEST_TRIES * points.size else 0.0
+        # The threshold is a quantile of the losses of the round before, which falls as the square of the rounds left.
+        taken = 0.03 * max(left, 0) ** 2 if n_tries > 10 * points.size else 0.0
         threshold = float(np.quantile(losses, taken)) if len(losses) and taken else 0.0
     return swaps.points
 

@@ -18,10 +18,6 @@ from cvtimg._shared.types import Floats, Indices, Ints
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, check_unit_points, exact_cells, nearest_distances, sobol_samples
 from cvtimg.placement.cells import regularity
 
-#: Walks from box to box, as they end in different corners; comparisons of points with boxes in each, about a tenth of a
-#: second; and its fewest and most steps, whatever the points are.
-_WALKS, _COMPARISONS, _STEPS = 10, 20_000_000, (1000, 50_000)
-
 
 def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -> tuple[float, bool]:
     """Compute the star discrepancy of points in the unit cube.
@@ -86,10 +82,11 @@ def _exact(points: Floats) -> float:
 def _lower_bound(points: Floats, rng: np.random.Generator) -> float:
     n_points, n_dims = points.shape
     sides = np.concatenate([np.sort(points, axis=0), np.ones((1, n_dims))]).T.copy()
-    n_steps = int(np.clip(_COMPARISONS // (n_points * n_dims), *_STEPS))
+    # Comparisons of points with boxes in each walk take about a tenth of a second.
+    n_steps = int(np.clip(20_000_000 // (n_points * n_dims), 1000, 50_000))
     left = np.linspace(1, 0, n_steps)
     greatest = 0.0
-    for _ in range(_WALKS):
+    for _ in range(10):  # walks, which end in different corners
         # Large boxes matter most: start with sides whose product is spread evenly.
         corner = np.floor(rng.random(n_dims) ** (1 / n_dims) * n_points).astype(np.int32)
         reach = (1 + left * n_points / 8).astype(np.int64)[:, None]

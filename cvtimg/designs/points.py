@@ -316,10 +316,6 @@ def _with_categories(factors: list[Factor], existing: Floats, unit: Floats, rng:
     return every[n_old:]
 
 
-#: Where fewer of the samples are feasible, they are spread over a smaller box.
-_ENOUGH = 0.1
-
-
 class Region:
     """The part of the unit cube where points may lie, and how densely."""
 
@@ -378,7 +374,7 @@ def _feasible_samples(samples: Floats32, is_feasible: Callable[[Any], Bools], rn
         if len(feasible) == 0 and len(tried) < 8 * ENOUGH_SAMPLES:
             tried = sobol_samples(8 * ENOUGH_SAMPLES, n_dims, rng)
             continue
-        if len(feasible) == 0 or len(feasible) > _ENOUGH * len(tried):
+        if len(feasible) == 0 or len(feasible) > len(tried) / 10:
             return feasible
         # There may be more beyond the outermost ones, by about the distance between samples.
         margin = 3 * np.ptp(feasible, axis=0) / len(feasible) + size * len(tried) ** (-1 / n_dims)

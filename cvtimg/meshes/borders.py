@@ -18,6 +18,15 @@ from cvtimg.meshes.triangulation import Borders
 
 #: An edge beside a corner cuts off a curve there if it makes the corner sharper by more, in radians.
 _CUT = 0.02
+#: Part of `Spacing.near` where only the outside is between lines, and no triangle: with more, edges there are shorter.
+_BEYOND = 0.3
+#: Sine of the angle below which lines meet sharply, where sizes that grow from the corner are best: with more, edges
+#: near other corners stay long.
+_SHARP = 0.42
+#: Part of what was wanted below which edges are short, and sizes around follow them: with more, all sizes are smaller.
+_SHORT = 0.75
+#: Degrees by which edges turn at most where vertices slide along a border: with more, these leave its bends.
+_STRAIGHT = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,14 +35,8 @@ class Spacing:
 
     share: float = 0.95  # part of the vertices that sizes ask for, for cells end at borders; metrics get all of them
     closed: int = 6  # edges that a closed smooth line has at least
-    near: float = 0.4  # no vertex is nearer to the edge of another line than this part of that edge,
-    beyond: float = 0.3  # or than this part of that where only the outside is between them, and no triangle
-    sharp: float = 0.42  # where lines meet at an angle with less than this sine, sizes that grow from there are best
-    tip: float = 5.0  # lengths of the edge: shorter ones would move what is narrow nearer to the corner
-    short: float = 0.75  # the sizes around follow edges that are shorter than this part of what was wanted
+    near: float = 0.4  # no vertex is nearer to the edge of another line than this part of that edge
     finest: float = 0.0  # but no size is lowered to less, in pixels: edges may shrink to nothing where areas are kept
-    straight: float = 20.0  # vertices slide along a border where edges turn by less, in degrees
-    step: float = 0.34  # a line is sampled at steps of at most this part of an edge
 
     @classmethod
     def of(cls, outline: Outline) -> Spacing:
@@ -43,19 +46,19 @@ class Spacing:
         return cls(share=1.0, closed=3, near=0.5, finest=0.125)
 
 
-def place_on_borders(
-    outline: Outline,
-    field: Field,
-    grade: float,
-    min_size: float,
-    most: float = np.inf,
-    on_curves: int = 2,
-    nearness: float = 1.0,
-) -> tuple[Borders, Field]:
-    """Place vertices on the lines of an outline; return them with the field that follows their edges.
+@dataclass(frozen=True, slots=True)
+class Crowding:
+    """How vertices on borders may crowd."""
 
-    Where crowded borders come to more than `most`, that is all that is found out. Curves of polygons have `on_curves`
-    edges at least: with two, they can enclose what they should. With less `nearness`, edges crowd more.
+    grade: float  # growth of sizes for each unit of length
+    least: float  # size: edges on borders may have half of it
+    on_curves: int = 2  # edges of curves of polygons at least: with two, they can enclose what they should
+    most: float = np.inf  # vertices: where there are more, that is all that is found out
+    nearness: float = 1.0  # part of the usual distance to edges of other lines
+
+
+def place_on_borders(outline: Outline, field: Field, how: Crowding) -> tuple[Borders, Field]:
+    """Place vertices on the lines of an outline; return them with the field that follows their edges.
 
     Raises
     ------
@@ -64,29 +67,29 @@ def place_on_borders(
     """
     spacing = Spacing.of(outline)
     for round_ in first_few(range(12)):
-        chains = _Chains.of(outline, field, on_curves)
+        chains = _Chains.of(outline, field, how.on_curves)
         borders = chains.borders()
-        if len(borders.points) > most:
+        if len(borders.points) > how.most:
             return borders, field
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
-        crossed, near = _crowded(borders, lengths, chains, nearness)
-        if nearness == 1:
+        crossed, near = _crowded(borders, lengths, chains, how.nearness)
+        if how.nearness == 1:
             near |= _narrowing(borders, outline)
         if round_ >= 7:  # the last rounds are for edges that cross
             near[:] = False
-        halved = crossed | near & (lengths > 2 * min_size)
-        few = 1e-3 if nearness == 1 else 1e-2  # where angles are given up anyway
+        halved = crossed | near & (lengths > 2 * how.least)
+        few = 1e-3 if how.nearness == 1 else 1e-2  # where angles are given up anyway
         if not crossed.any() and halved.sum() <= few * len(halved) and round_ > 0:
             return borders, field
         middles = borders.points[borders.edges].mean(axis=1)
         wanted = lengths_of(field.metric(middles), np.subtract(*borders.points[borders.edges.T]))
         sizes = lengths / np.maximum(wanted, 1e-300)
         low = np.where(halved, 0.5 * np.minimum(lengths, sizes), lengths)
-        # Edges on borders may have half of the least size, and those inside are shorter than wanted by up to a third.
-        low = np.maximum(low, max(spacing.finest, min_size / 2**0.5))
-        changed = halved | (wanted < spacing.short)
+        # Edges inside are shorter than wanted by up to a third.
+        low = np.maximum(low, max(spacing.finest, how.least / 2**0.5))
+        changed = halved | (wanted < _SHORT)
         if changed.any():
-            field = field.lowered(middles[changed], low[changed], grade)
+            field = field.lowered(middles[changed], low[changed], how.grade)
     at = borders.points[borders.edges[crossed][:1]].mean(axis=(0, 1)).tolist()
     hint = "not cross or touch; a larger snap joins them, and simplify takes points away"
     check_that(f"borders at {at}", not crossed.any(), hint)
@@ -106,7 +109,7 @@ class _Chains:
 
     @classmethod
     def of(cls, outline: Outline, field: Field, on_curves: int) -> _Chains:
-        places, line_of = sampled(outline.lines, field, Spacing.of(outline))
+        places, line_of = sampled(outline.lines, field)
         starts = np.flatnonzero(np.diff(line_of, prepend=-1) > 0)
         stops = np.append(starts[1:], len(places)) - 1
         steps = np.diff(places, axis=0)
@@ -156,10 +159,10 @@ class _Chains:
     def _slides(self, points: Points) -> Ints:
         """Tell which vertices slide along lines: those where edges hardly turn."""
         before, here, after = (self.vertices[self.inner + step] for step in (-1, 0, 1))
-        return here[turns_of(points[before], points[here], points[after]) < Spacing.of(self.outline).straight]
+        return here[turns_of(points[before], points[here], points[after]) < _STRAIGHT]
 
 
-def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Points, Indices]:
+def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, Indices]:
     """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
     places = np.concatenate(lines)
     line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
@@ -168,7 +171,7 @@ def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Poin
         longest = np.maximum(lengths_of(metric[:-1], steps), lengths_of(metric[1:], steps))
         longest[np.diff(line_of) > 0] = 0
         # Sizes may be tiny at one end of a step only.
-        n_parts = np.clip(np.ceil(longest / how.step), 1, 256).astype(np.intp)
+        n_parts = np.clip(np.ceil(longest / 0.34), 1, 256).astype(np.intp)
         if n_parts.max(initial=1) == 1:
             break
         places, start = divided_steps(places, n_parts)
@@ -205,7 +208,7 @@ def _crowded(borders: Borders, lengths: Floats, chains: _Chains, nearness: float
     gaps = np.linalg.norm(a + along[:, None] * (b - a) - points[point], axis=1)
     crossed[edge[gaps < 1e-6 * lengths[edge]]] = True
     beyond = np.where(cross(b - a, points[point] - a) > 0, borders.sides[edge, 0], borders.sides[edge, 1]) <= 0
-    close = gaps < np.where(beyond, spacing.beyond, 1) * nearness * spacing.near * lengths[edge]
+    close = gaps < np.where(beyond, _BEYOND, 1) * nearness * spacing.near * lengths[edge]
     point, edge, gaps = point[close], edge[close], gaps[close]
     table = EdgeTable(edges, len(points))
     fits = np.any([table.find(np.stack([point, edges[edge, end]], axis=1)) >= 0 for end in (0, 1)], axis=0)
@@ -235,7 +238,7 @@ def _narrowing(borders: Borders, outline: Outline) -> Bools:
     is_last = np.searchsorted(around, around, "right") == number + 1
     after = order[np.where(is_last, np.searchsorted(around, around), np.minimum(number + 1, number[-1]))]
     angle, cut = (np.angle(each[after] / each[order]) for each in (way, chord))
-    is_sharp = inside[order] & (cut < angle) & (np.abs(cut) < np.arcsin(Spacing.of(outline).sharp))
+    is_sharp = inside[order] & (cut < angle) & (np.abs(cut) < np.arcsin(_SHARP))
     both = np.append(order[is_sharp], after[is_sharp])
     narrowing[edge[both]] = np.abs(np.angle(chord[both] / way[both])) > _CUT
     return narrowing
@@ -245,7 +248,7 @@ def _meet_sharply(
     borders: Borders, chains: _Chains, lengths: Floats, point: Indices, edge: Indices, gaps: Floats
 ) -> Bools:
     """Tell which vertices (P,), at gaps from edges (P,), are near to a sharp corner where both their lines end."""
-    points, ends, spacing = borders.points, chains.outline.ends, Spacing.of(chains.outline)
+    points, ends = borders.points, chains.outline.ends
     lines = np.full(len(points), -1)
     lines[chains.vertices[chains.inner]] = chains.of_line[chains.inner]
     joined = EdgeTable(ends, len(points))
@@ -256,5 +259,6 @@ def _meet_sharply(
         is_joined = joined.find(np.stack([point, corner], axis=1)) >= 0
         meets = np.where(of_point < 0, is_joined, (ends[of_point] == corner[:, None]).any(axis=1))
         way = np.linalg.norm(points[point] - points[corner], axis=1)
-        sharp |= meets & (of_point != of_edge) & (gaps < spacing.sharp * way) & (way < spacing.tip * lengths[edge])
+        # Farther away, shorter edges do not move what is narrow nearer to the corner.
+        sharp |= meets & (of_point != of_edge) & (gaps < _SHARP * way) & (way < 5 * lengths[edge])
     return sharp

@@ -119,10 +119,7 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         of_sides = np.where(of_sides == 1, beyond, of_sides).astype(np.int32)
         tags = [of_sides, mesh.tags]
         data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-        keys = [
-            *((dimension, tag) for tag in np.unique(of_sides)),
-            *((dimension + 1, tag) for tag in np.unique(mesh.tags)),
-        ]
+        keys = [(dimension + inner, tag) for inner, of in enumerate(tags) for tag in np.unique(of)]
         usual = {dimension: name, dimension + 1: inside}
         names = {mesh.names.get(key) or usual[key[0]] or str(key[1]): np.array(key[::-1]) for key in keys}
     elif suffix == ".inp" and mesh.side_tags is not None:

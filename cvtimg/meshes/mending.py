@@ -4,8 +4,6 @@ J. Ruppert, A Delaunay refinement algorithm for quality 2-dimensional mesh gener
 548-585, doi 10.1006/jagm.1995.1021.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cvtimg._shared.progress import each
@@ -15,67 +13,57 @@ from cvtimg.meshes.fields import Field
 from cvtimg.meshes.relaxation import relax
 from cvtimg.meshes.triangulation import FREE, Borders, PlaneTriangulation
 
-
-@dataclass(frozen=True, slots=True)
-class Mending:
-    """How small angles are mended."""
-
-    rounds: int
-    small: float = 30.0  # triangles with a smaller angle, in degrees, are mended
-    tip: float = 15.0  # edges at corners of borders with less than this are not split, for that never ends
-    patience: int = 6  # rounds without a gain before it is given up
-    moves: int = 6  # in each round, vertices move so often,
-    smoothings: int = 10  # and triangles are smoothed so often
-    near: float = 0.7  # vertices go where new ones are nearer than this part of new edges, then where edges are short
+#: Degrees below which angles are mended: with more, meshes need more vertices than there are.
+_SMALL = 30.0
+#: Degrees of corners of borders beside which no edge is split, for that never ends: with more, others stay narrow.
+_TIP = 15.0
 
 
 def mend(
-    mesh: PlaneTriangulation, field: Field, grade: float, how: Mending, *, shortest: float, keep_number: bool
+    mesh: PlaneTriangulation, field: Field, grade: float, rounds: int, *, shortest: float, keep_number: bool
 ) -> PlaneTriangulation:
     """Return a mesh with fewer small angles, and, if asked, as many vertices.
 
     New vertices on borders are in the middle of edges longer than twice the shortest, so that areas stay, and those
     inside are farther than that from others.
-    Sizes grow by `grade` from there.
+    Sizes grow by `grade` from there. It ends after some rounds, or when six have gained nothing.
     """
-    best, least, since = mesh, _badness(mesh, how.small), 0
-    for _ in each(range(how.rounds)):
+    best, least, since = mesh, _badness(mesh), 0
+    for _ in each(range(rounds)):
         ends = mesh.border_edges()
         # Vertices inside that divide the angles of one triangle, which is better without them.
         n_around = np.bincount(mesh.triangles.ravel(), minlength=len(mesh.points))
-        dropped = (mesh.fixed == FREE) & (n_around == 3) & mesh.has_angles_below(how.small)
-        split, added, radii = _refined(mesh, how, ends, shortest, dropped)
+        dropped = (mesh.fixed == FREE) & (n_around == 3) & mesh.has_angles_below(_SMALL)
+        split, added, radii = _refined(mesh, ends, shortest, dropped)
         a, b = mesh.points[ends[split]].transpose(1, 0, 2)
         places = np.concatenate([(a + b) / 2, added])
         sizes = np.concatenate([np.linalg.norm(b - a, axis=1) / 2, radii])
-        if not len(places) + dropped.sum() or since == how.patience:
+        if not len(places) + dropped.sum() or since == 6:
             break
         free = (mesh.fixed == FREE) & ~dropped
         n_inner = int((mesh.fixed == FREE).sum()) - len(places)
-        inner = _as_many(mesh, field, free, n_inner, places, how.near * sizes) if keep_number else mesh.points[free]
+        inner = _as_many(mesh, field, free, n_inner, places, 0.7 * sizes) if keep_number else mesh.points[free]
         if inner is None:
             break
         mesh = PlaneTriangulation.constrained(_with_middles(mesh, split), np.concatenate([inner, added]))
         field = field.lowered(places, sizes, grade)
-        relax(mesh, field, most=how.moves, tolerance=0.0)
-        for _ in range(how.smoothings):
+        relax(mesh, field, most=6, tolerance=0.0)
+        for _ in range(10):
             mesh.smooth()
             mesh.flip(None)
-        badness, since = _badness(mesh, how.small), since + 1
+        badness, since = _badness(mesh), since + 1
         if badness < least:
             best, least, since = mesh, badness, 0
     return best
 
 
-def _badness(mesh: PlaneTriangulation, small: float) -> float:
+def _badness(mesh: PlaneTriangulation) -> float:
     """Sum the degrees by which least angles are too small."""
     angles = measure_triangles(mesh.points, mesh.triangles).least_angles
-    return float(np.maximum(small - angles, 0).sum())
+    return float(np.maximum(_SMALL - angles, 0).sum())
 
 
-def _refined(
-    mesh: PlaneTriangulation, how: Mending, ends: Ints, shortest: float, dropped: Bools
-) -> tuple[Bools, Points, Floats]:
+def _refined(mesh: PlaneTriangulation, ends: Ints, shortest: float, dropped: Bools) -> tuple[Bools, Points, Floats]:
     """Find the border edges (E,) to split, and points (A, 2) to add, which are centers of circles with radii (A,).
 
     They are the circumcenters of bad triangles; where one is in the circle over a border edge, or beyond it, that is
@@ -85,7 +73,7 @@ def _refined(
 
     a, b = mesh.points[ends].transpose(1, 0, 2)
     middles, halves = (a + b) / 2, np.linalg.norm(b - a, axis=1) / 2
-    bad, centers, radii, tips = _bad(mesh, how)
+    bad, centers, radii, tips = _bad(mesh)
     may_split = (halves > shortest) & ~np.isin(ends, tips).any(axis=1)
     near = cKDTree(middles).query_ball_point(centers, halves.max())
     triangles, shares = mesh.locate(centers, mesh.triangles[bad, 0])
@@ -108,15 +96,15 @@ def _refined(
     return split, centers[added], radii[added]
 
 
-def _bad(mesh: PlaneTriangulation, how: Mending) -> tuple[Indices, Points, Floats, Ints]:
+def _bad(mesh: PlaneTriangulation) -> tuple[Indices, Points, Floats, Ints]:
     """Find triangles with small angles, the worst first, and their circumcircles, and narrow corners of borders."""
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     sides = np.stack([np.linalg.norm(p - q, axis=1) for p, q in ((b, a), (c, b), (a, c))], axis=1)
     shortest, each = sides.argmin(axis=1), np.arange(len(sides))
     is_corner = (mesh.borders[each, shortest - 1] > 0) & (mesh.borders[each, shortest - 2] > 0)
     angles = measure_triangles(mesh.points, mesh.triangles).least_angles
-    tips = mesh.triangles[each, shortest - 1][is_corner & (angles < how.tip)]
-    bad = np.flatnonzero((angles < how.small) & ~is_corner)
+    tips = mesh.triangles[each, shortest - 1][is_corner & (angles < _TIP)]
+    bad = np.flatnonzero((angles < _SMALL) & ~is_corner)
     bad = bad[np.argsort(angles[bad], kind="stable")]
     (bx, by), (cx, cy) = (b[bad] - a[bad]).T, (c[bad] - a[bad]).T
     bb, cc = bx * bx + by * by, cx * cx + cy * cy

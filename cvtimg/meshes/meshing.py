@@ -23,7 +23,7 @@ from cvtimg._shared.progress import each, part
 from cvtimg._shared.types import ImageLike, Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
-from cvtimg.meshes.mending import Mending, mend
+from cvtimg.meshes.mending import mend
 from cvtimg.meshes.outlines import SMOOTHING, Outline, StraightParts, label_outline, with_points
 from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
 from cvtimg.meshes.planning import Plan, Wanted, place_inside, plan_mesh
@@ -45,28 +45,23 @@ class MeshEffort:
     moves: int  # at most
     tolerance: float  # they rest when this near to the centers of mass, as a part of the length of edges
     sweeps: int  # that make edges even
-    mending: Mending  # of small angles
+    mendings: int  # rounds that mend small angles
     trials: int = 1  # of small meshes of one size, of which the most regular one is kept,
     small: int = 1000  # while they have no more vertices in all
-    work: int = 600_000  # meshes of one size have more moves and sweeps: as many as move this many vertices in all,
-    most_moves: int = 200  # but not more than these
-    most_sweeps: int = 20
-    smoothings: int = 2  # where sizes vary, triangles are smoothed so often
-    even_again: float = 0.55  # part of a last even step: with 0 the mean quality is best, with 1 lengths are
-    polishes: int = 6  # so often, in the end, vertices of narrow triangles alone move,
-    narrow: float = 40.0  # those with a smaller angle, in degrees
+    most_sweeps: int = 20  # of meshes of one size
+    one_size: bool = False
 
     def of(self, n: int) -> MeshEffort:
-        """Return the effort for n vertices whose distances are the same everywhere."""
-        moves, sweeps = (min(most, self.work // n) for most in (self.most_moves, self.most_sweeps))
-        return replace(self, moves=max(self.moves, moves), sweeps=max(self.sweeps, sweeps), smoothings=0, even_again=0)
+        """Return the effort for n vertices whose distances are the same everywhere: more, while these are few."""
+        moves, sweeps = (min(most, 600_000 // n) for most in (200, self.most_sweeps))
+        return replace(self, moves=max(self.moves, moves), sweeps=max(self.sweeps, sweeps), one_size=True)
 
 
 #: The registry: names for `effort`.
 EFFORTS: dict[str, MeshEffort] = {
-    "fast": MeshEffort(10, 1e-2, 2, Mending(4)),
-    "balanced": MeshEffort(15, 1e-3, 2, Mending(10), trials=4),
-    "best": MeshEffort(300, 1e-4, 5, Mending(20), trials=24, small=24_000),
+    "fast": MeshEffort(10, 1e-2, 2, 4),
+    "balanced": MeshEffort(15, 1e-3, 2, 10, trials=4),
+    "best": MeshEffort(300, 1e-4, 5, 20, trials=24, small=24_000),
 }
 #: A mesh whose least angle is smaller, in degrees, and not at a corner of its border, is warned of.
 _NARROW = 10.0
@@ -326,18 +321,19 @@ def _finished(
         for _ in each(range(effort.sweeps)):
             mesh.even(field.metric(mesh.points), lines)
             mesh.flip(None)
-        for _ in range(effort.smoothings):
-            mesh.smooth()
+        if not effort.one_size:
+            for _ in range(2):
+                mesh.smooth()
+                mesh.flip(None)
+            # A part of an even step: with 0 the mean quality is best, with 1 lengths are.
+            mesh.even(field.metric(mesh.points), lines, 0.55)
             mesh.flip(None)
-        if effort.even_again:
-            mesh.even(field.metric(mesh.points), lines, effort.even_again)
-            mesh.flip(None)
-        for _ in range(effort.polishes):
-            mesh.smooth(among=mesh.has_angles_below(effort.narrow))
+        for _ in range(6):  # vertices of narrow triangles alone
+            mesh.smooth(among=mesh.has_angles_below(40.0))
             mesh.flip(None)
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         mesh = mend(
-            mesh, field, wanted.grade, effort.mending if np.isscalar(wanted.size) else Mending(0),
+            mesh, field, wanted.grade, effort.mendings if np.isscalar(wanted.size) else 0,
             shortest=wanted.least / 2 if outline.mask is None else 1.0,  # no edge between pixels is shorter than these
             keep_number=wanted.n is not None,
             )  # fmt: skip

@@ -12,7 +12,7 @@ from cvtimg._shared.checks import check_count, check_in_range, check_positive, c
 from cvtimg._shared.progress import first_few
 from cvtimg._shared.types import Points
 from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
-from cvtimg.meshes.borders import place_on_borders
+from cvtimg.meshes.borders import Crowding, place_on_borders
 from cvtimg.meshes.fields import PER_AREA, Field, lengths_of
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import SizeLike, size_field
@@ -28,20 +28,13 @@ ROUNDS = 8
 _VARIES = 0.4
 
 
-@dataclass(frozen=True, slots=True)
-class Search:
-    """How sizes are found that come to a number of vertices."""
-
-    stuck: float = 0.5  # where more than this power of the excess stays, short edges on borders need it:
-    steeper: float = 1.5  # sizes grow faster then by this factor, up to a grade of 1
-    coarsest: float = 100.0  # where that leaves too many on borders, sizes are larger by up to this factor,
-    closest: float = 0.5  # and if need be, vertices are nearer to edges of other lines by this, with smaller angles, or
-    # by half of that: if the closest need too many, there are too few
-    gap: float = 0.6  # no vertex starts nearer to one on a border than this part of the edge length there,
-    fitting: float = 0.2  # polygons fit if details are left out until their points are this part of all vertices
-
-
-_SEARCH = Search()
+#: Factor by which sizes are larger at most where borders need too many vertices: with more, all that may go have gone.
+_COARSEST = 100.0
+#: Part of the usual distance from vertices to edges of other lines that is left if need be, with smaller angles: if
+#: borders need too many then, there are too few. With more, fewer are enough for none.
+_CLOSEST = 0.5
+#: Part of the edge length there that no vertex starts nearer to one on a border: with more, there is no room for all.
+_GAP = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,19 +115,20 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     ends = np.concatenate([alone, outline.nodes[outline.ends.T.ravel()]])
     _check_fits(outline, wanted, len(outline.nodes) + len(alone))
     start = wanted.field(outline, ends)
-    place = partial(_placed, outline, least=wanted.least, alone=alone)
+    place, how = partial(_placed, outline, alone), Crowding(wanted.grade, wanted.least)
     if wanted.n is None:
-        return place(start, grade=wanted.grade, on_curves=2)
-    factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
-    coarser = partial(place, grade=max(grade, 1.0), on_curves=1)
+        return place(start, how)
+    factor, before = 1.0, np.inf
+    coarser = Crowding(max(how.grade, 1.0), how.least, 1, wanted.n)
     for _ in first_few(range(ROUNDS), 0.5):
-        most = wanted.n if on_curves == 2 else 2 * wanted.n
-        plan = place(start.scaled(factor), grade=grade, on_curves=on_curves, most=most)
-        if plan.n_on_borders > wanted.n and on_curves == 2:  # areas are given up before angles
-            on_curves, coarsest = 1, coarser(start.scaled(_SEARCH.coarsest), nearness=_SEARCH.closest)
+        most = wanted.n if how.on_curves == 2 else 2 * wanted.n
+        plan = place(start.scaled(factor), replace(how, most=most))
+        if plan.n_on_borders > wanted.n and how.on_curves == 2:  # areas are given up before angles
+            how = replace(how, on_curves=1)
+            coarsest = place(start.scaled(_COARSEST), replace(coarser, most=np.inf, nearness=_CLOSEST))
             _check_fits(outline, wanted, coarsest.n_on_borders)
-            for nearness in ((1 + _SEARCH.closest) / 2, 1.0):  # edges that crowd by less do so by more, too
-                plan = coarser(coarsest.field, most=wanted.n, nearness=nearness)
+            for nearness in ((1 + _CLOSEST) / 2, 1.0):  # edges that crowd by less do so by more, too
+                plan = place(coarsest.field, replace(coarser, nearness=nearness))
                 if plan.n_on_borders > wanted.n:
                     return coarsest
                 coarsest = plan
@@ -142,35 +136,24 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
         ratio = plan.number / wanted.n
         if abs(ratio - 1) < NEAR and plan.n_on_borders <= wanted.n:
             return plan
-        if ratio > max(before, 1) ** _SEARCH.stuck:
-            grade = min(_SEARCH.steeper * grade, max(grade, 1.0))
+        if ratio > max(before, 1) ** 0.5:  # short edges on borders need the excess: sizes grow faster
+            how = replace(how, grade=min(1.5 * how.grade, max(how.grade, 1.0)))
         factor, before = factor * ratio**0.5, ratio
     if plan.n_on_borders <= wanted.n:
         return plan
-    low, high = np.log([factor, _SEARCH.coarsest * factor])
+    low, high = np.log([factor, _COARSEST * factor])
     best = coarsest
     for _ in range(5):
         middle = (low + high) / 2
-        plan = coarser(start.scaled(np.exp(middle)), most=wanted.n)
+        plan = place(start.scaled(np.exp(middle)), coarser)
         is_fit = plan.n_on_borders <= wanted.n
         best, low, high = (plan, low, middle) if is_fit else (best, middle, high)
     return best
 
 
-def _placed(
-    outline: Outline,
-    field: Field,
-    *,
-    least: float,
-    alone: Points,
-    grade: float,
-    on_curves: int,
-    most: float = np.inf,
-    nearness: float = 1.0,
-) -> Plan:
+def _placed(outline: Outline, alone: Points, field: Field, how: Crowding) -> Plan:
     """Place vertices for sizes."""
-    field = field.limited(grade, least)
-    borders, field = place_on_borders(outline, field, grade, least, most, on_curves, nearness)
+    borders, field = place_on_borders(outline, field.limited(how.grade, how.least), how)
     if len(alone):
         from scipy.spatial import cKDTree
 
@@ -178,7 +161,7 @@ def _placed(
         points = np.concatenate([borders.points, alone])
         gaps = cKDTree(points).query(alone, 2)[0][:, 1]
         corners = np.append(borders.corners, np.ones(len(alone), bool))
-        borders, field = replace(borders, points=points, corners=corners), field.lowered(alone, gaps, grade)
+        borders, field = replace(borders, points=points, corners=corners), field.lowered(alone, gaps, how.grade)
     return Plan(borders, field)
 
 
@@ -186,7 +169,7 @@ def _check_fits(outline: Outline, wanted: Wanted, n_least: int) -> None:
     """Refuse fewer vertices than there must be, and say by how large details there would be less."""
     if wanted.n is None or n_least <= wanted.n:
         return
-    size = outline.detail_for(int(_SEARCH.fitting * wanted.n))
+    size = outline.detail_for(wanted.n // 5)  # points of borders, which leave vertices for what is inside
     details = f"; or give min_size={size:.1g}, or simplify={size / 2:.1g}, to leave out details of the border"
     hint = details if size > wanted.least else ""
     refuse("n", wanted.n, f"at least {n_least}, the vertices that the border needs{hint}")
@@ -201,7 +184,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
     frame = PlaneTriangulation.constrained(borders, np.empty((0, 2)))
     used = np.unique(frame.triangles).astype(np.int32)
     tree = cKDTree(frame.points[used])
-    part = _SEARCH.gap
+    part = _GAP
     wanted = n + np.pi / 2 * part**2 * PER_AREA * len(used)  # half of a disk around each on a border stays free
     for _ in range(16):
         points = field.seeds(round(wanted), rng)

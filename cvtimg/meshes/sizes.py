@@ -41,8 +41,7 @@ class MeshValues:
         corners = check_triangles("triangles", triangles, len(places))
         self.values = np.asarray(values, np.float64)
         check_shape(name, self.values.shape, self.values.shape == (len(places),), f"({len(places)},), as the points")
-        free, nothing = np.zeros(len(places), bool), np.empty((0, 2), np.int32)
-        self.mesh = PlaneTriangulation(places, free, _counter_clockwise(places, corners), nothing)
+        self.mesh = PlaneTriangulation(places, _counter_clockwise(places, corners))
         self._used = np.unique(corners).astype(np.int32)
         self._tree = cKDTree(places[self._used])
 

@@ -6,11 +6,11 @@ Graphics 26 (2007) 57, doi 10.1145/1276377.1276448.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.checks import check_that
 from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints64, Points
 from cvtimg.halfedges import edge_keys, edges_around, unique_edges
 
@@ -20,20 +20,61 @@ Cells = Ints64
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
 #: Pairs of corners of a tetrahedron; in reverse, those of the other two.
 _PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+#: Degrees of dihedral angles below which vertices move: with more, more do, and surfaces lose their shape.
+_NARROW = 15.0
 
 
-class Levels(Protocol):
-    """Distances to labels 0, 1, ..., < 0 inside: a place belongs to the label of the least. 0 is outside."""
+class VoxelLevels:
+    """Smoothed signed distances to the surfaces of labels of voxels, < 0 inside: a place has the label of the least."""
+
+    def __init__(self, voxels: NDArray[np.integer], reach: float) -> None:
+        from scipy import ndimage
+
+        self.tags, numbers = np.unique(np.append(voxels, 0), return_inverse=True)
+        numbers = numbers[:-1].reshape(voxels.shape)
+        self.wanted = np.bincount(numbers.ravel(), minlength=len(self.tags)).astype(float)[1:]
+        # Distances are known in the box of each label, and as far around it as edges reach.
+        # They are smoothed by a Gaussian of one voxel, which ends at four.
+        self._margin = int(np.ceil(4 + reach)) + 1
+        padded = np.pad(numbers, self._margin)
+        whole = tuple(slice(0, size) for size in voxels.shape)
+        self._corners, self._fields = [], []
+        for number, box in enumerate([whole, *ndimage.find_objects(numbers)]):
+            inside = padded[tuple(slice(side.start, side.stop + 2 * self._margin) for side in box)] == number
+            distances = ndimage.distance_transform_edt(~inside), ndimage.distance_transform_edt(inside)
+            distance = np.where(inside, 0.5 - distances[1], distances[0] - 0.5)
+            self._fields.append(ndimage.gaussian_filter(distance, 1))
+            self._corners.append(np.array([side.start for side in box]) - self._margin + 0.5)
+            thick = bool((self._fields[-1] < 0).any())
+            check_that(f"label {self.tags[number]} of labels", thick, "have parts at least three voxels thick")
+        inner = np.argwhere(numbers > 0)
+        self.low, self.high = inner.min(axis=0)[::-1] - 1.0, inner.max(axis=0)[::-1] + 2.0
 
     def nearest(self, points: Points) -> Indices:
-        """Return the label at each of (N, 3) points."""
+        """Return the label at each of (N, 3) points; 0 is outside."""
+        labels, least = np.zeros(len(points), np.intp), self._at(0, points)
+        for number in range(1, len(self.tags)):
+            corner = self._corners[number][::-1]
+            far = corner + self._fields[number].shape[::-1] - 1
+            some = np.flatnonzero(((points >= corner) & (points <= far)).all(axis=1))
+            values = self._at(number, points[some])
+            less = values < least[some]
+            labels[some[less]], least[some[less]] = number, values[less]
+        return labels
 
     def distances(self, points: Points, labels: Indices) -> Floats:
         """Return the distance of each of (N, 3) points to its label (N,)."""
+        values = np.empty(len(points))
+        for number in np.unique(labels).tolist():
+            some = labels == number
+            values[some] = self._at(number, points[some])
+        return values
 
+    def _at(self, number: int, points: Points) -> Floats:
+        from scipy.ndimage import map_coordinates
 
-#: Degrees of dihedral angles below which vertices move: with more, more do, and surfaces lose their shape.
-_NARROW = 15.0
+        at = (points[:, ::-1] - self._corners[number]).T
+        return map_coordinates(self._fields[number], at, order=1, mode="nearest")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +86,7 @@ class Filling:
     labels: Indices  # (T,), from 1
 
 
-def stuff(levels: Levels, low: Points, high: Points, spacing: float) -> Filling:
+def stuff(levels: VoxelLevels, low: Points, high: Points, spacing: float) -> Filling:
     """Fill the labels from 1 in a box from `low` to `high` with tetrahedra of a lattice of a spacing.
 
     The spacing is the length of the longer edges. Neighbors share the triangles between them, and the surface of each
@@ -65,7 +106,7 @@ def stuff(levels: Levels, low: Points, high: Points, spacing: float) -> Filling:
 class _Lattice:
     """A lattice, the label of each of its points, and where surfaces cut its edges."""
 
-    def __init__(self, levels: Levels, low: Points, high: Points, spacing: float) -> None:
+    def __init__(self, levels: VoxelLevels, low: Points, high: Points, spacing: float) -> None:
         points, cells = lattice(low, high, spacing)
         labels = levels.nearest(points)
         self.n_labels = int(labels.max()) + 1

@@ -204,6 +204,4 @@ def _triangulated(points: Points, values: Floats) -> tuple[PlaneTriangulation, F
     """Triangulate points, of those at one place the one with the least value."""
     order = np.lexsort((values, points[:, 1], points[:, 0]))
     first = order[np.append(True, (np.diff(points[order], axis=0) != 0).any(axis=1))]
-    nothing = np.empty((0, 2), np.int32)
-    mesh = PlaneTriangulation(points[first], np.ones(len(first), bool), delaunay(points[first]), nothing)
-    return mesh, values[first]
+    return PlaneTriangulation(points[first], delaunay(points[first])), values[first]

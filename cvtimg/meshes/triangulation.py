@@ -19,6 +19,7 @@ _POWER = 16
 LEAST_AREA_LEFT = 0.1
 #: How vertices move.
 FREE, FIXED, SLIDES = 0, 1, 2
+NO_EDGES: Triangles = np.empty((0, 2), np.int32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,9 +58,9 @@ class PlaneTriangulation(HalfEdges):
         A half-edge out of each vertex.
     """
 
-    def __init__(self, points: Points, fixed: Bools, triangles: Triangles, edges: Triangles) -> None:
+    def __init__(self, points: Points, triangles: Triangles, n_fixed: int = 0, edges: Triangles = NO_EDGES) -> None:
         super().__init__(points, triangles)
-        self.fixed = fixed.astype(np.uint8)
+        self.fixed = (np.arange(len(points)) < n_fixed).astype(np.uint8)
         self.corners = np.zeros(len(points), bool)
         self.tags = np.ones(len(triangles), np.int32)
         self._mark(edges)
@@ -68,11 +69,10 @@ class PlaneTriangulation(HalfEdges):
     def constrained(cls, borders: Borders, inner: Points) -> PlaneTriangulation:
         """Triangulate borders and inner points; keep what is inside, and tag it by the sides of the borders."""
         points = np.concatenate([borders.points, inner])
-        fixed = np.arange(len(points)) < len(borders.points)
         triangles = delaunay(points, borders.edges)
         # In the order of the inner points, which is along a curve: neighbors are near in memory.
         triangles = triangles[np.argsort(triangles.max(axis=1))]
-        mesh = cls(points, fixed, triangles, borders.edges)
+        mesh = cls(points, triangles, len(borders.points), borders.edges)
         mesh.corners[: len(borders.points)] = borders.corners
         mesh.fixed[borders.slides] = SLIDES
         mesh._tag(borders)

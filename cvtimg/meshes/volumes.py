@@ -19,6 +19,7 @@ from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.planning import NEAR, ROUNDS
 from cvtimg.meshes.tetrahedra import (
     Filling,
+    VoxelLevels,
     dihedral_angles,
     label_faces,
     moved,
@@ -234,13 +235,13 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     check_that("what is given of n and edge_length", (n is None) != (edge_length is None), "be one of them")
     volume = np.count_nonzero(voxels)
     if edge_length is not None:
-        levels = _VoxelLevels(voxels, spacing := check_positive("edge_length", edge_length))
+        levels = VoxelLevels(voxels, spacing := check_positive("edge_length", edge_length))
     else:
         assert n is not None
         n = check_count("n", n, MOST_IN_MEMORY, "what memory holds")
         check_in_range("n", n, n <= _MOST_PER_VOXEL * volume, f"at most {_MOST_PER_VOXEL} for each voxel")
         spacing = (volume * 2 / n) ** (1 / 3)  # the lattice has two vertices in a cube of this side
-        levels = _VoxelLevels(voxels, spacing)
+        levels = VoxelLevels(voxels, spacing)
         spacing = _spacing_for(levels, spacing, n)
     filling = stuff(levels, levels.low, levels.high, spacing)
     points = widened(filling.points, filling.cells, spacing)
@@ -263,7 +264,7 @@ def _checked(labels: ArrayLike) -> Array:
     return voxels
 
 
-def _spacing_for(levels: _VoxelLevels, spacing: float, n: int) -> float:
+def _spacing_for(levels: VoxelLevels, spacing: float, n: int) -> float:
     """Find the spacing with which there are about n vertices."""
     best, least = spacing, np.inf
     for _ in range(ROUNDS):
@@ -274,57 +275,6 @@ def _spacing_for(levels: _VoxelLevels, spacing: float, n: int) -> float:
             break
         spacing *= min(max(ratio, 0.2), 5.0) ** (1 / 3)
     return best
-
-
-class _VoxelLevels:
-    """Smoothed signed distances to the surfaces of labels."""
-
-    def __init__(self, voxels: NDArray[np.integer], reach: float) -> None:
-        from scipy import ndimage
-
-        self.tags, numbers = np.unique(np.append(voxels, 0), return_inverse=True)
-        numbers = numbers[:-1].reshape(voxels.shape)
-        self.wanted = np.bincount(numbers.ravel(), minlength=len(self.tags)).astype(float)[1:]
-        # Distances are known in the box of each label, and as far around it as edges reach.
-        # They are smoothed by a Gaussian of one voxel, which ends at four.
-        self._margin = int(np.ceil(4 + reach)) + 1
-        padded = np.pad(numbers, self._margin)
-        whole = tuple(slice(0, size) for size in voxels.shape)
-        self._corners, self._fields = [], []
-        for number, box in enumerate([whole, *ndimage.find_objects(numbers)]):
-            inside = padded[tuple(slice(side.start, side.stop + 2 * self._margin) for side in box)] == number
-            distances = ndimage.distance_transform_edt(~inside), ndimage.distance_transform_edt(inside)
-            distance = np.where(inside, 0.5 - distances[1], distances[0] - 0.5)
-            self._fields.append(ndimage.gaussian_filter(distance, 1))
-            self._corners.append(np.array([side.start for side in box]) - self._margin + 0.5)
-            thick = bool((self._fields[-1] < 0).any())
-            check_that(f"label {self.tags[number]} of labels", thick, "have parts at least three voxels thick")
-        inner = np.argwhere(numbers > 0)
-        self.low, self.high = inner.min(axis=0)[::-1] - 1.0, inner.max(axis=0)[::-1] + 2.0
-
-    def nearest(self, points: Points) -> Indices:
-        labels, least = np.zeros(len(points), np.intp), self._at(0, points)
-        for number in range(1, len(self.tags)):
-            corner = self._corners[number][::-1]
-            far = corner + self._fields[number].shape[::-1] - 1
-            some = np.flatnonzero(((points >= corner) & (points <= far)).all(axis=1))
-            values = self._at(number, points[some])
-            less = values < least[some]
-            labels[some[less]], least[some[less]] = number, values[less]
-        return labels
-
-    def distances(self, points: Points, labels: Indices) -> Floats:
-        values = np.empty(len(points))
-        for number in np.unique(labels).tolist():
-            some = labels == number
-            values[some] = self._at(number, points[some])
-        return values
-
-    def _at(self, number: int, points: Points) -> Floats:
-        from scipy.ndimage import map_coordinates
-
-        at = (points[:, ::-1] - self._corners[number]).T
-        return map_coordinates(self._fields[number], at, order=1, mode="nearest")
 
 
 def _with_wanted_volumes(points: Points, filling: Filling, wanted: Floats, spacing: float) -> Points:

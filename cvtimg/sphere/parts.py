@@ -160,10 +160,6 @@ def earth_coasts() -> list[Floats]:
     return [np.split(ring, np.flatnonzero(ring[:, 1] == -90))[0] for ring in rings]
 
 
-#: Sizes of the smallest cell that lines are followed by: with more, cells that they cut at a corner are missed.
-_STEP = 0.2
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class PartialGrid(SavedGrid):
     """Some cells of a grid of the sphere, in the order that they had.
@@ -297,7 +293,8 @@ def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> Bools:
     from scipy.spatial import cKDTree
 
     held = np.zeros(len(grid.points), bool)
-    tree, step = cKDTree(grid.points), _STEP * float(np.sqrt(grid.areas.min()))
+    # With longer steps, cells that lines cut at a corner are missed.
+    tree, step = cKDTree(grid.points), 0.2 * float(np.sqrt(grid.areas.min()))
     for line in lines:
         table = np.atleast_2d(np.asarray(line, np.float64))
         check_shape("straits", table.shape, table.ndim == 2 and table.shape[1] == 2, "(M, 2), longitudes and latitudes")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import cvtimg.sphere._sphere as _sphere
-from cvtimg._shared.budgets import GIVEN
+from cvtimg._shared.budgets import GIVEN, IN_CACHE
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.threads import in_parts, in_stripes
@@ -26,8 +26,8 @@ from cvtimg.sphere.densities import SphereDensity
 LEAST_DISTANCE = 1e-7
 #: Steps of the kernels, for each triangle or cell, by which their work is divided among threads.
 WORK = 100
-#: Cells of a stripe, which stay in the cache until their sums are made.
-_ROWS = 2048
+#: Cells of a stripe, with 16 numbers each, which stay in the cache until their sums are made.
+_ROWS = IN_CACHE // 16
 
 
 class SphereTriangulation(HalfEdges):

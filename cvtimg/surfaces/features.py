@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.budgets import ROWS_AT_ONCE
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points, Triangles
@@ -21,16 +22,11 @@ class Seen:
     """Which features are large enough to be seen, by the distances of points."""
 
     shortest: float = 3.0  # creases that are shorter in all are left out
-    broad: float = (
-        0.9  # the surfaces on both sides of a crease, this distance far, meet at this part of the angle at least
-    )
+    broad: float = 0.9  # part of the angle at which the surfaces on both sides of a crease meet, a distance far
     grain: float = 1 / 8  # faces this near to each other that look one way are one there: 1/4 rounds creases off
     coarse: float = 1 / 3  # grains of this size tell where there is only noise:
-    flat: float = 0.6  # where halves of the surface around, however cut, meet at less than this part of the angle,
-    turns: int = 8  # in these directions,
-    away: float = 0.1  # and no more than this part of it is turned away
+    flat: float = 0.6  # where halves of the surface around, however cut, meet at less than this part of the angle
     sure: float = 3.0  # they meet at more by this multiple of the error that noise makes: chance is as far in 1 of 740
-    block: int = 1024  # creases looked at at once: more take more memory, up to 1000 grains around each
     corner: float = 40.0  # a curve has a corner where it turns by the angle of creases or, if that is less, by this
     reach: float = 0.5  # over this part of the distance as well: the steps of a scan do not
     most_loss: float = 0.05  # curves get points until twice as many make them longer by less than this
@@ -158,8 +154,9 @@ class _Grains:
         from scipy.spatial import KDTree
 
         tree = KDTree(self.centers)
-        for first in range(0, len(places), _SEEN.block):
-            block = slice(first, first + _SEEN.block)
+        # There are up to 1000 grains around each.
+        for first in range(0, len(places), ROWS_AT_ONCE // 1024):
+            block = slice(first, first + ROWS_AT_ONCE // 1024)
             lists = tree.query_ball_point(places[block], reach[block], return_sorted=False)
             of = first + np.arange(len(lists)).repeat([len(each) for each in lists])
             yield block, of, np.concatenate(lists).astype(np.intp)
@@ -181,11 +178,11 @@ def _is_flat(mesh: SurfaceTriangulation, faces: Indices, sizes: Floats, angle: f
         x = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
         way = grains.centers[grain] - grains.centers[here][of]
         along = [np.einsum("ij,ij->i", way, axis[at]) for axis in (x, np.cross(normal, x))]
-        for turn in np.arange(_SEEN.turns) * np.pi / _SEEN.turns:
+        for turn in np.arange(8) * np.pi / 8:
             first = along[0] * np.cos(turn) + along[1] * np.sin(turn) > 0
             halves = [unit(sum_by_label(at[chosen], vectors[chosen], n)) for chosen in (first, ~first)]
             least[block] = np.minimum(least[block], np.einsum("ij,ij->i", *halves))
-        least[block][away > _SEEN.away * all_of_it] = -1
+        least[block][away > 0.1 * all_of_it] = -1  # where the surface folds back
     return np.asarray((least > np.cos(np.radians(angle)))[which.ravel()])
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvtimg._shared.budgets import GIVEN
 from cvtimg._shared.checks import check_choice, check_in_range, check_places, check_that, check_triangles, refuse_type
 from cvtimg._shared.extras import optional
 from cvtimg._shared.messages import one_line
@@ -18,9 +19,6 @@ from cvtimg.surfaces.surface import Surface, SurfaceRepairs, TriangulatedSurface
 
 #: Suffixes of files that surfaces are read from.
 SURFACE_SUFFIXES = (".obj", ".off", ".ply", ".stl")
-#: Vertices nearer to each other than this part of the diagonal are one: more closes what scanners resolve, less leaves
-#: the cracks that writing numbers of seven digits makes.
-_WELD = 1e-6
 
 
 def as_surface(surface: object, weld: float | None = None) -> Surface:
@@ -75,7 +73,7 @@ def mended(vertices: ArrayLike, faces: ArrayLike, weld: float | None = None) -> 
     """Join vertices, leave out faces that are there twice or have no area, and turn those that are flipped."""
     points = check_places("vertices", vertices, 3)
     given = triangles = check_triangles("faces", faces, len(points))
-    apart = _WELD * float(np.linalg.norm(np.ptp(points, axis=0))) if weld is None else float(weld)
+    apart = GIVEN * float(np.linalg.norm(np.ptp(points, axis=0))) if weld is None else float(weld)
     check_in_range("weld", weld, apart == -1 or 0 <= apart < np.inf, "a finite number >= 0, or -1")
     joined = joined_points(points, apart) if apart >= 0 else np.arange(len(points))
     triangles = joined[triangles].astype(np.int32)

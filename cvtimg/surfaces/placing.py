@@ -22,7 +22,7 @@ from cvtimg.placement.densities import Density
 from cvtimg.surfaces.features import extra_points, find_features, place_on_curves
 from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints
-from cvtimg.surfaces.sizes import HEXAGON, Sizes
+from cvtimg.surfaces.sizes import HEXAGON, SPARSEST, Sizes
 from cvtimg.surfaces.surface import Surface
 from cvtimg.surfaces.triangulation import SurfaceTriangulation, split_long_edges
 
@@ -36,15 +36,8 @@ class SurfaceEffort:
     beyond: float = 1.7  # points move by this multiple of the step to the center of mass: fewer moves than with 1,
     last: int = 5  # moves at the end that do without
     longest: float = 0.3  # a step is at most this part of the size of a cell, so that triangles do not turn over
-    rest: int = 10  # moves after which the sizes of cells are measured again
-    retreats: int = 4  # points whose triangles would fold stay, and those so far around them if that folds others
     fine: float = 0.5  # edges of the fine triangles that points are taken from, by the distances of points
-    looked_at: int = 4096  # places at least where the density is looked at
-    first_part: float = 0.4  # edges shorter than this part of the distance of points are collapsed first,
-    growth: float = 1.1  # then the part grows so
-    last_part: float = 30.0  # up to this
-    more: float = 0.02  # by this part more points are tried where there are too few
-    stretch: float = 1.5  # edges that this makes are no longer than this multiple of that part
+    stretch: float = 1.5  # edges that collapses make are no longer than this multiple of those that collapse
 
 
 #: The registry of efforts.
@@ -118,13 +111,14 @@ def surface_points(
         refuse_type("density", type(density).__name__, "a number or a function of points")
     check_in_range("feature_angle", feature_angle, 0 <= feature_angle <= 180, "in 0..180 degrees")
     how = EFFORTS[effort]
-    apart = float(shape.triangulation.areas().sum() / (HEXAGON * how.looked_at)) ** 0.5
+    # The density is looked at at 4096 places at least.
+    apart = float(shape.triangulation.areas().sum() / (HEXAGON * 4096)) ** 0.5
     mesh = split_long_edges(shape.triangulation, ConstantDensity(apart), shape.on_surface)
     angle = 180.0 if shape.is_smooth else feature_angle
     start, least = partial(_Start.of, shape, mesh, effort=how, density=as_density(density), angle=angle), n
     # With more points there may be more edges that they have to follow.
     while (chosen := start(least)).n_least > least:
-        least = chosen.n_least + int(how.more * chosen.n_least)
+        least = chosen.n_least + chosen.n_least // 50
     allowed = f"at least {least}: fewer points do not make triangles of this shape, with its edges"
     hint = "" if shape.is_smooth else "; a larger feature_angle keeps fewer of these"
     check_in_range("n", n, least == n, allowed + hint)
@@ -185,20 +179,20 @@ def _split(surface: Surface, mesh: SurfaceTriangulation, sizes: Sizes, part: flo
 def _collapsed(
     fine: SurfaceTriangulation, sizes: Floats, n: int, kept: Indices, sites: Indices, effort: SurfaceEffort
 ) -> tuple[Indices, Triangles, int]:
-    """Collapse the shortest edges until n sites of vertices are left, those kept among them.
+    """Collapse the shortest edges, of 0.4 distances and then more, until n sites are left, those kept among them.
 
     Returns the vertices that are left, triangles of these, and how many have to be left.
     """
     ranks = fine.on_boundary().astype(np.uint8)
     ranks[np.isin(sites, kept)] = 2
     mesh = SurfaceTriangulation(fine.points, fine.triangles.copy(), fine.twins.copy())
-    normals, part, most = fine.normals(), effort.first_part, n - len(kept)
+    normals, part, most = fine.normals(), 0.4, n - len(kept)
     n_left, n_on_curves, _ = np.bincount(ranks, minlength=3)
-    while (n_left > most or n_on_curves) and part < effort.last_part:
+    while (n_left > most or n_on_curves) and part < SPARSEST:
         gone = _surfaces.collapse(mesh, normals, sizes, ranks, part, effort.stretch, max(n_left - most, 0))
         n_left, n_on_curves = n_left - gone[0], n_on_curves - gone[1]
         mesh.flip(normals)
-        part *= effort.growth
+        part *= 1.1
     left = mesh.triangles[:, 0] >= 0
     used, corners = np.unique(mesh.triangles[left], return_inverse=True)
     if n_on_curves:  # those that one side cannot do without stay on all
@@ -219,7 +213,7 @@ def _relax(surface: Surface, start: _Start, mesh: SurfaceTriangulation, effort: 
     while True:
         mesh.flip(normals)
         _, steps = mesh.moments(start.sizes.density(mesh.points))
-        if move % effort.rest == 0:
+        if move % 10 == 0:
             sizes = np.sqrt(mesh.vertex_areas())
         lengths = np.linalg.norm(steps, axis=1)
         factor = effort.beyond if move < last - effort.last else 1.0
@@ -233,7 +227,8 @@ def _relax(surface: Surface, start: _Start, mesh: SurfaceTriangulation, effort: 
             last = min(last, move + effort.last)
         if move >= last:
             return offset, move
-        for _ in range(effort.retreats):
+        # Points whose triangles would fold stay, and those around them if that folds others.
+        for _ in range(4):
             back = _surfaces.find_inward(mesh, there, directions)
             if not back.any():
                 break

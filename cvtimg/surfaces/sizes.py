@@ -1,7 +1,5 @@
 """Distances of points on a surface: by a density, growing gradually."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cvtimg._shared.checks import check_that
@@ -17,19 +15,12 @@ from cvtimg.surfaces.triangulation import SurfaceTriangulation
 HEXAGON = 0.75**0.5
 
 
-@dataclass(frozen=True, slots=True)
-class Grading:
-    """How distances of points grow, and how they are found."""
-
-    sparsest: float = 30.0  # largest distance of points, in distances where the density is largest
-    most_zeros: float = 0.01  # a density that is 0 at more places is warned of
-    grade: float = 0.3  # largest growth of distances for each unit of length,
-    too_steep: float = 1.25  # unless they are by less than this factor too long
-    most: float = 20.0  # logarithm of what is beyond those with which there are as many points as wanted
-    missed: float = 0.8  # on a finer mesh they are made shorter where they come out less by this factor
-
-
-_GRADING = Grading()
+#: Distances where the density is largest that points are apart at most: with more, cells at its zeros are wider.
+SPARSEST = 30.0
+#: Growth of distances for each unit of length: with more, cells differ more from their neighbors.
+_GRADE = 0.3
+#: Part of what they should be that distances may have before they are found anew.
+_NEARLY = 0.8
 
 
 class Sizes:
@@ -42,27 +33,25 @@ class Sizes:
         values = density(mesh.points)
         self._top = float(values.max())
         check_that("density", self._top > 0, "be > 0 somewhere on the surface")
-        if (zeros := float((values <= 0).mean())) > _GRADING.most_zeros:
-            gap = f"cells there are up to {_GRADING.sparsest:g} times as wide as the finest"
+        if (zeros := float((values <= 0).mean())) > NEAR:
+            gap = f"cells there are up to {SPARSEST:g} times as wide as the finest"
             warn(f"the density is 0 on about {zeros:.0%} of the surface: {gap}")
         areas, relative = mesh.vertex_areas(), self.relative(mesh.points)
         self.distance = _scale(areas, relative, n)
         wanted = self.distance * relative
-        if (limited_along_edges(mesh, wanted, _GRADING.grade) * _GRADING.too_steep >= wanted).all():
+        if (limited_along_edges(mesh, wanted, _GRADE) >= _NEARLY * wanted).all():
             return
 
         def graded(power: float) -> Floats:
-            return limited_along_edges(mesh, np.exp(power) * wanted, _GRADING.grade)
+            return limited_along_edges(mesh, np.exp(power) * wanted, _GRADE)
 
-        power = brentq(lambda power: np.log(_scale(areas, graded(power), n)), -1, _GRADING.most, xtol=NEAR)
+        power = brentq(lambda power: np.log(_scale(areas, graded(power), n)), -1, 20, xtol=NEAR)
         self.distance, sizes = float(self.distance * np.exp(power)), graded(power)
         self._lower = VertexDensity(mesh.points, mesh.triangles, sizes / self.distance)
 
     def relative(self, places: Points) -> Floats:
         """Return the distances (N,) of points around (N, 3) places, by that where the density is largest."""
-        sizes = np.minimum(
-            (np.maximum(self.given(places), 0) / self._top + _GRADING.sparsest**-4) ** -0.25, _GRADING.sparsest
-        )
+        sizes = np.minimum((np.maximum(self.given(places), 0) / self._top + SPARSEST**-4) ** -0.25, SPARSEST)
         return sizes if self._lower is None else np.minimum(sizes, self._lower(places))
 
     def __call__(self, places: Points) -> Floats:
@@ -76,7 +65,7 @@ class Sizes:
     def fits(self, mesh: SurfaceTriangulation) -> bool:
         """Tell whether distances come to the number of points on a finer mesh, too; make them shorter otherwise."""
         factor = _scale(mesh.vertex_areas(), self(mesh.points), self._n)
-        is_near = factor > _GRADING.missed
+        is_near = factor > _NEARLY
         self.distance *= 1 if is_near else factor
         return is_near
 

@@ -4,11 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from reference import assert_the_guide_tells
 from scipy.stats import qmc
 
 from cvtimg import design
 from cvtimg._shared.types import Array
 from cvtimg.designs import Design, Factor, point_measures
+from cvtimg.designs.descent import EFFORTS
 from cvtimg.designs.groups import split_evenly
 
 
@@ -224,3 +226,7 @@ def test_a_design_of_categories_alone_has_each_level_and_each_pair_equally_often
     _, more = design(7, factors, existing=first.points).table()
     together = Counter(row[0] for row in [*first.table()[1], *more])
     assert max(together.values()) - min(together.values()) <= 1
+
+
+def test_the_guide_tells_how_much_each_effort_does() -> None:
+    assert_the_guide_tells("designs.md", EFFORTS)

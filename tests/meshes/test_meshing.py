@@ -3,16 +3,16 @@ import pytest
 import shapely
 from images import blobs
 from numpy.typing import ArrayLike
-from reference import ring
+from reference import assert_the_guide_tells, ring
 from scipy.spatial import Delaunay, cKDTree
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg._shared.types import Floats
 from cvtimg.halfedges import edges_around, unique_edges
-from cvtimg.meshes import Mesh, MeshSize, measure_mesh, measure_triangles
-from cvtimg.meshes.borders import place_on_borders
+from cvtimg.meshes import EFFORTS, Mesh, MeshSize, measure_mesh, measure_triangles
+from cvtimg.meshes.borders import Crowding, place_on_borders
 from cvtimg.meshes.fields import PictureField
-from cvtimg.meshes.mending import Mending, mend
+from cvtimg.meshes.mending import mend
 from cvtimg.meshes.outlines import label_outline
 from cvtimg.meshes.triangulation import FIXED, Borders, PlaneTriangulation, delaunay
 from cvtimg.placement import Box, ImplicitRegion
@@ -192,7 +192,7 @@ def test_a_size_image_is_in_the_pixels_of_the_mask() -> None:
 
 def test_vertices_move_as_far_as_triangles_keep_area() -> None:
     points = np.random.default_rng(5).random((400, 2))
-    mesh = PlaneTriangulation(points, np.arange(400) % 7 == 0, delaunay(points), np.empty((0, 2), np.int32))
+    mesh = PlaneTriangulation(points, delaunay(points), 60)
     before = mesh.points.copy()
     mesh.move(np.random.default_rng(6).normal(0, 0.02, (400, 2)))
     done = mesh.points - before
@@ -203,7 +203,7 @@ def test_vertices_move_as_far_as_triangles_keep_area() -> None:
 
 def test_triangles_do_not_get_flat_where_edges_are_made_even() -> None:
     points = np.random.default_rng(3).random((30, 2))
-    mesh = PlaneTriangulation(points, np.zeros(30, bool), delaunay(points), np.empty((0, 2), np.int32))
+    mesh = PlaneTriangulation(points, delaunay(points))
 
     def shapes() -> Floats:
         corners = mesh.points[mesh.triangles]
@@ -374,14 +374,14 @@ def test_a_vertex_that_divides_a_narrow_triangle_in_three_goes() -> None:
     field = PictureField(np.full((200, 200), 2, np.float32), np.ones((200, 200), bool))
     for keep_number, n in ((False, 3), (True, 4)):
         mesh = PlaneTriangulation.constrained(borders, np.array([[40.7, 158.9]]))
-        assert len(mend(mesh, field, 0.2, Mending(10), shortest=1.0, keep_number=keep_number).points) == n
+        assert len(mend(mesh, field, 0.2, 10, shortest=1.0, keep_number=keep_number).points) == n
 
 
 def test_an_edge_that_areas_shrink_to_nothing_does_not_make_millions_of_vertices() -> None:
     rows = ["222322222", "222222233", "222223333", "223333232", "233333322", "333333222"]
     labels = np.array([list(row) for row in rows]).astype(np.int32)
     field = PictureField(np.full(labels.shape, 10, np.float32), np.ones(labels.shape, bool))
-    assert place_on_borders(label_outline(labels, None, 0.7), field, 0.2, 0.0)[1].count < 1000
+    assert place_on_borders(label_outline(labels, None, 0.7), field, Crowding(0.2, 0.0))[1].count < 1000
 
 
 @pytest.mark.slow
@@ -547,3 +547,7 @@ def test_sizes_count_where_they_are_small_between_the_cells_of_the_field() -> No
         assert measure_triangles(mesh.points, mesh.triangles).least_angles.min() > 25
         numbers.append(len(mesh.points))
     assert max(numbers) < 1.2 * min(numbers)
+
+
+def test_the_guide_tells_how_much_each_effort_does() -> None:
+    assert_the_guide_tells("meshes.md", EFFORTS)

@@ -3,13 +3,13 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from reference import cube
+from reference import assert_the_guide_tells, cube
 from scipy.spatial import KDTree
 
 from cvtimg import surface_points
 from cvtimg._shared.types import Floats
 from cvtimg.halfedges import edges_around, unique_edges
-from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, VertexDensity, torus
+from cvtimg.surfaces import EFFORTS, ImplicitSurface, SurfacePoints, TriangulatedSurface, VertexDensity, torus
 
 Points = Floats
 
@@ -178,3 +178,7 @@ def test_a_thin_plate_keeps_both_sides(n: int) -> None:
 def test_a_density_of_0_on_a_part_is_warned_of() -> None:
     with pytest.warns(UserWarning, match="the density is 0 on about 4.% of the surface"):
         surface_points(torus(), 200, density=lambda p: (p[:, 0] > 0).astype(float), effort="fast")
+
+
+def test_the_guide_tells_how_much_each_effort_does() -> None:
+    assert_the_guide_tells("surfaces.md", EFFORTS)

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cvtimg._shared.budgets import ROWS_AT_ONCE
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.types import Array, Bools, Floats, Ints
 from cvtimg.halfedges import find_twins, half_edges_out
@@ -117,9 +118,9 @@ def measure(points: Floats, around: Connectivity) -> Geometry:
     return Geometry(vertices, edges, distances, lengths, angles, kites, areas, kites.sum(axis=1))
 
 
-def _in_blocks(measure: Callable[..., tuple[Array, ...]], *tables: Array, size: int = 1 << 16) -> list[Array]:
+def _in_blocks(measure: Callable[..., tuple[Array, ...]], *tables: Array) -> list[Array]:
     """Measure some rows of tables at a time, so that what is needed in between is small."""
-    arrays: list[Array] = []
+    arrays, size = list[Array](), ROWS_AT_ONCE // 16  # rows have 16 numbers or so
     for start in range(0, len(tables[0]), size):
         block = measure(*(table[start : start + size] for table in tables))
         arrays = arrays or [np.empty((len(tables[0]), *values.shape[1:]), values.dtype) for values in block]

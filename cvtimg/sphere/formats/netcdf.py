@@ -155,10 +155,8 @@ def _masks(grid: GridContent) -> dict[str, Variable]:
             innermost = np.where(cells >= 0, layers[cells], layers.max()).min(axis=1)
             masks[f"bdyMask{place}"] = Variable((along,), innermost)
     if (around.cells_on_edge < 0).any():
-        tables["Cell"] = (
-            "nCells",
-            np.where(np.arange(around.cells_on_cell.shape[1]) < around.degrees[:, None], around.cells_on_cell, 0),
-        )
+        is_neighbor = np.arange(around.cells_on_cell.shape[1]) < around.degrees[:, None]
+        tables["Cell"] = "nCells", np.where(is_neighbor, around.cells_on_cell, 0)
         for place, (along, cells) in tables.items():
             masks[f"boundary{place}"] = Variable((along,), (cells < 0).any(axis=1).astype(np.int32))
     return masks
@@ -224,16 +222,14 @@ def write_scrip(file: BinaryIO, grid: GridContent) -> None:
     latitudes, longitudes = latitudes_longitudes(geometry.vertices)
     center_latitudes, center_longitudes = latitudes_longitudes(grid.points)
     size, table = ("grid_size",), ("grid_size", "grid_corners")
-    radians = {"units": "radians"}
+    radians, land = {"units": "radians"}, grid.flags.get("land", np.zeros(len(grid.points), np.int32))
     variables = {
         "grid_dims": Variable(("grid_rank",), np.array([len(grid.points)], np.int32)),
         "grid_center_lat": Variable(size, center_latitudes, radians),
         "grid_center_lon": Variable(size, center_longitudes, radians),
         "grid_corner_lat": Variable(table, latitudes[corners], radians),
         "grid_corner_lon": Variable(table, longitudes[corners], radians),
-        "grid_imask": Variable(
-            size, 1 - grid.flags.get("land", np.zeros(len(grid.points), np.int32)), {"units": "unitless"}
-        ),
+        "grid_imask": Variable(size, 1 - land, {"units": "unitless"}),
         "grid_area": Variable(size, geometry.cell_areas, {"units": "radians^2"}),
     }
     dimensions = {"grid_size": len(grid.points), "grid_corners": corners.shape[1], "grid_rank": 1}
