@@ -112,49 +112,59 @@ class Passes:
     def __init__(self, n_workers: int) -> None:
         from cvtimg._shared import threads
 
-        self.n_workers, self._within = n_workers, False
+        self.n_workers = self._room = n_workers  # all, and those that a pass may have now
         self.forget()
         threads.in_parts, threads.side_by_side = self.in_parts, self.side_by_side  # before other modules import them
 
     def forget(self) -> None:
         """Forget all passes."""
-        self.n_passes, self.n_bytes, self.work, self.seconds = 0, 0, 0.0, 0.0
+        self.n_passes = self.n_bytes = 0
+        self.work, self.saved = 0.0, 0.0  # seconds in passes, and what others spare the one who begins them
         self.waking, self.measuring = 0.0, 0.0  # seconds that waking takes, and that all of this does
 
     def in_parts(self, kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
         """Do what `threads.in_parts` does."""
         from cvtimg._shared import threads
 
-        n = int(min(self.n_workers, n_items, work / threads._TO_HAND_OVER))
-        n_parts = 1 if self._within or n <= 1 else min(n_items, threads._PARTS_OF_A_THREAD * n)
+        n = int(min(self._room, n_items, work / threads._TO_HAND_OVER))
+        n_parts = 1 if n <= 1 else min(n_items, threads._PARTS_OF_A_THREAD * n)
         ends = [n_items * part // n_parts for part in range(n_parts + 1)]
         deque(self._timed(lambda part: kernel(*part), [*pairwise(ends)], n), maxlen=0)
 
     def side_by_side(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
         """Do what `threads.side_by_side` does."""
-        return self._timed(work, items, self.n_workers)
+        return self._timed(work, items, self._room)
 
     def _timed(self, work: Callable[[Any], Any], items: Sequence[Any], n_workers: int) -> Iterator[Any]:
-        if self._within or len(items) == 1:
+        room, resumed = self._room, time.thread_time()
+        if room == 1 or len(items) == 1:
             yield from map(work, items)
             return
-        resumed = time.thread_time()
-        self.n_bytes += sum({id(array): array.nbytes for array in held(work) if array.nbytes > CACHED}.values())
+        is_outer = room == self.n_workers
+        if is_outer:
+            self.n_bytes += sum({id(array): array.nbytes for array in held(work) if array.nbytes > CACHED}.values())
+            self.waking += WAKING * ceil(log2(n_workers))
+            self.n_passes += 1
         free = [0.0] * n_workers  # when each worker has done its parts
         for item in items:
-            self._within, start = True, time.thread_time()
+            before, self._room, start = (
+                (self.measuring, self.saved),
+                room // min(len(items), n_workers),
+                time.thread_time(),
+            )
             try:
                 result = work(item)
             finally:
-                self._within, spent = False, time.thread_time() - start
-            self.work += spent
+                self._room, whole = room, time.thread_time() - start
+            spent = whole - (self.measuring - before[0])
+            self.work += spent if is_outer else 0
+            spent -= self.saved - before[1]  # by passes within, which have the workers that are left
+            self.saved += spent
             heapreplace(free, free[0] + spent)
-            self.measuring += time.thread_time() - resumed - spent
+            self.measuring += time.thread_time() - resumed - whole
             yield result
             resumed = time.thread_time()
-        self.waking += WAKING * ceil(log2(n_workers))
-        self.seconds += max(free)
-        self.n_passes += 1
+        self.saved -= max(free)
 
 
 def held(thing: object, depth: int = 12) -> Iterator[NDArray[Any]]:
@@ -194,12 +204,11 @@ def planned(name: str, share: float) -> dict[str, float]:
     start = time.thread_time()
     work(given, share)
     all_ = time.thread_time() - start - passes.measuring
-    alone = all_ - passes.work
     return {
         "processor s": all_,
-        "alone": alone,
-        "gain of 16": all_ / (alone + passes.seconds),
-        "with waking": all_ / (alone + passes.seconds + passes.waking),
+        "alone": all_ - passes.work,
+        "gain of 16": all_ / (all_ - passes.saved),
+        "with waking": all_ / (all_ - passes.saved + passes.waking),
         "passes": passes.n_passes,
         "waking s": passes.waking,
         "bytes": passes.n_bytes,
