@@ -134,10 +134,11 @@ class PixelMoments:
         n, (height, width) = len(generators), self.density.shape
         n_parts = min(_PARTS, buckets.rows)
         bands = np.arange(n_parts + 1, dtype=np.int32) * buckets.rows // n_parts
-        sums = np.zeros((n_parts, n, 3))  # a part touches what is near
+        sums = np.empty((n_parts, n, 3))  # a part touches what is near
         touched = np.empty((n_parts, 2), np.int32)
 
         def sum_parts(start: int, stop: int) -> None:
+            sums[start:stop] = 0
             buckets.sum_cells(self.density, bands, start, stop, sums, touched)
 
         in_parts(sum_parts, n_parts, work=12 * height * width + 4000 * n)

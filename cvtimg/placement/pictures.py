@@ -1,11 +1,13 @@
 """Placement in an image: from a start along a curve, over coarser levels, to the image itself."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg._shared.progress import part
+from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Floats32, Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.placement.descent import Descend, Descent, Projection, Terms
@@ -16,6 +18,8 @@ from cvtimg.placement.polygons import NearestPixel
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
 #: Generators from which on a coarser level is worth its time.
 _WORTH_A_LEVEL = 1000
+#: Steps of a kernel that moving a point to its frame takes, and points of a part: few calls, as each takes the GIL.
+_STEPS, _ROWS = 400.0, 1 << 14
 #: Pixels for each generator that are enough to start from.
 _PIXELS_TO_START = 256
 
@@ -135,23 +139,27 @@ class WhereMassIs:
         self._everywhere = bool(framed.all())
         if framed.any() and not self._everywhere:
             self._mass = np.pad(framed, ((top, height - 1 - bottom), (left, width - 1 - right)))
-        self._nearest: NearestPixel | None = None  # made when it is needed first
 
     def __call__(self, there: Points, before: Points) -> Points:
         """Move points without mass below them to the nearest pixel that has some."""
-        there = self.into_frame(there, before)
-        if self._everywhere:
-            return there
-        places = there * self._scale
-        x, y = np.clip(places, *self._ends).astype(np.intp).T
-        white = np.flatnonzero(~self._mass.take(y * self._mass.shape[1] + x))
-        if not len(white):
-            return there
-        if self._nearest is None:
-            self._nearest = NearestPixel.of(self._mass)
-        moved = there.copy()
-        moved[white] = self._nearest(places[white]) / self._scale
-        return self.into_frame(moved, before)
+
+        def move(rows: slice) -> Points:
+            moved = self.into_frame(there[rows], before)
+            if self._everywhere:
+                return moved
+            places = moved * self._scale
+            x, y = np.clip(places, *self._ends).astype(np.intp).T
+            white = np.flatnonzero(~self._mass.take(y * self._mass.shape[1] + x))
+            if not len(white):
+                return moved
+            moved[white] = self._nearest(places[white]) / self._scale
+            return self.into_frame(moved, before)
+
+        return np.concatenate(in_stripes(move, len(there), _STEPS * len(there), _ROWS))
+
+    @cached_property
+    def _nearest(self) -> NearestPixel:
+        return NearestPixel.of(self._mass)
 
     def into_frame(self, there: Points, before: Points) -> Points:
         """Move points to the frame."""
