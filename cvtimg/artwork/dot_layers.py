@@ -17,6 +17,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared.progress import each, part
+from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Floats, Floats32
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.engine.methods import Stopping
@@ -72,9 +73,10 @@ class _Pen:
         """Let the density grow where dots are too few, and return its moments."""
         lacking = (self.amounts(points).masses * (self.n_dots / self.amounts.mass)) ** 2
         # Of each pixel before it was enlarged; smoothed, as the error of a single dot is noise.
-        factor, enlarged = round(self.amounts.scale), lacking.astype(np.float32)[self.amounts.labels(points)]
-        factors = enlarged.reshape(len(enlarged) // factor, factor, -1, factor).mean(axis=(1, 3))
-        self.density *= gaussian_filter(factors, self.reach, mode="nearest", axes=(0, 1))
+        values, factor, (height, width) = lacking.astype(np.float32), round(self.amounts.scale), self.density.shape
+        labels = self.amounts.labels(points).reshape(height, factor, width, factor)
+        means = in_stripes(lambda rows: values[labels[rows]].mean(axis=(1, 3)), height, 16.0 * labels.size)
+        self.density *= gaussian_filter(np.concatenate(means), self.reach, mode="nearest")
         return picture_moments(self.density, self.n_dots)
 
     def spread(self, *, balanced: bool) -> Floats:

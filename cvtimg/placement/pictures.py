@@ -77,7 +77,8 @@ def enlarge(density: Floats32, factor: int) -> Floats32:
     if factor == 1:
         return density
     large: Floats32 = zoom(density, factor, order=1, mode="nearest", grid_mode=True)
-    large *= np.kron(density > 0, np.full((factor, factor), np.float32(factor**-2)))
+    blocks = large.reshape(density.shape[0], factor, density.shape[1], factor)
+    blocks *= np.where(density > 0, np.float32(factor**-2), 0)[:, np.newaxis, :, np.newaxis]
     return large
 
 
