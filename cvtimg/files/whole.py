@@ -111,7 +111,7 @@ def whole_folder(path: StrPath, *, overwrite: bool = False) -> Iterator[Path]:
             yield copy
         return
     target = Path(os.path.realpath(path))
-    _check_folder(path, target, overwrite)
+    _check_target(path, target, overwrite, is_folder=True)
     with scratch_folder(target) as part:
         yield part
         if not target.exists():
@@ -182,10 +182,7 @@ def check_can_be_written(path: StrPath, *, overwrite: bool) -> None:
         _check_is_new(path, overwrite)
         return
     target = Path(os.path.realpath(path))
-    if target.suffix.lower() == ".zarr":
-        _check_folder(path, target, overwrite)
-    else:
-        _check_target(path, target, overwrite)
+    _check_target(path, target, overwrite, is_folder=target.suffix.lower() == ".zarr")
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise PermissionError(f"{path}: cannot be written (permission denied)")
 
@@ -215,14 +212,8 @@ def _check_is_new(path: StrPath, overwrite: bool) -> None:
         raise _exists(path)
 
 
-def _check_folder(path: StrPath, target: Path, overwrite: bool) -> None:
-    _check_is_new(path, overwrite)
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"{path}: folder {target.parent} does not exist")
-
-
-def _check_target(path: StrPath, target: Path, overwrite: bool) -> None:
-    if target.is_dir():
+def _check_target(path: StrPath, target: Path, overwrite: bool, *, is_folder: bool = False) -> None:
+    if target.is_dir() and not is_folder:
         raise IsADirectoryError(f"{path}: is a directory, not a file")
     if not target.parent.is_dir():
         raise FileNotFoundError(f"{path}: folder {target.parent} does not exist")
@@ -230,6 +221,8 @@ def _check_target(path: StrPath, target: Path, overwrite: bool) -> None:
         return
     if not overwrite:
         raise _exists(path)
+    if is_folder:
+        return
     # Moving a file into place would replace a device or pipe, and ignores the write permission of the old file.
     if not target.is_file():
         raise OSError(f"{path}: is not a regular file")

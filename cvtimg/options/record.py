@@ -153,9 +153,9 @@ def late(module: str, name: str) -> Callable[..., Any]:
     return partial(_called, module, name)  # unlike a function in here, it can go to other processes
 
 
-def _called(module: str, name: str, *given: Any) -> Any:
+def _called(module: str, name: str, /, *arguments: Any, **named: Any) -> Any:
     value: Any = import_module(f"cvtimg.{module}")
-    return reduce(getattr, name.split("."), value)(*given)
+    return reduce(getattr, name.split("."), value)(*arguments, **named)
 
 
 Kind: TypeAlias = Real | Choice | Switch | Text | File | Pair

@@ -12,7 +12,7 @@ import pytest
 
 from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
-from cvtimg.cli.sphere_command import read_grid_points
+from cvtimg.cli.gridding import read_grid_points
 from cvtimg.files import find_images
 from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.files.whole import local_path, whole_file

@@ -11,7 +11,7 @@ from scipy.io import netcdf_file
 
 from cvtimg import sphere_grid
 from cvtimg.cli.app import main
-from cvtimg.cli.sphere_command import read_grid_points
+from cvtimg.cli.gridding import read_grid_points
 from cvtimg.sphere import CellWidth
 
 

@@ -17,7 +17,7 @@ from relations.test_objects import not_fewer
 
 from cvtimg import mesh_region
 from cvtimg._shared.types import Array, Bools, Floats
-from cvtimg.cli.mesh_command import read_region
+from cvtimg.cli.meshing import read_region
 from cvtimg.meshes import measure_triangles
 
 Points = Floats
