@@ -170,6 +170,5 @@ def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None
         return float((counts * tones / areas(bent)).sum()) - n_dots
 
     bent = 0.0 if excess(0) > 0 else 1.0 if excess(1) < 0 else brentq(excess, 0, 1)
-    return (
-        ink / areas(bent).astype(np.float32)[np.minimum(ink * (TABLE_SIZE / darkest), TABLE_SIZE - 1).astype(np.intp)]
-    )
+    tone = np.minimum(ink * (TABLE_SIZE / darkest), TABLE_SIZE - 1).astype(np.intp)
+    return ink / areas(bent).astype(np.float32)[tone]

@@ -395,12 +395,8 @@ class Stipples(ReadOnly):
         for pen, name in enumerate(self.names):
             look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_CELL_LINE}"'
             dots_of_pen = self.order[self.layers[self.order] == pen]
-            rings = (
-                " ".join(numbers((cells[dot] * sheet.scale + sheet.corner).ravel(), 3))
-                for dot in dots_of_pen
-                if len(cells[dot])
-            )
-            outlines = (f'<path d="M{ring}Z"/>\n' for ring in rings)
+            rings = (cells[dot] * sheet.scale + sheet.corner for dot in dots_of_pen if len(cells[dot]))
+            outlines = (f'<path d="M{" ".join(numbers(ring.ravel(), 3))}Z"/>\n' for ring in rings)
             yield from layer(pen + 1, name, f'{look} stroke-linejoin="round"', outlines)
 
     def _repr_png_(self) -> bytes:

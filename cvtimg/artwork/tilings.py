@@ -184,10 +184,8 @@ def _border_points(density: Floats32, n_points: int) -> Floats:
     which = np.minimum(np.searchsorted(ends, at, side="right") - 1, 3)
     # One that falls on a corner goes half a pixel along.
     along = np.clip(at - ends[which], 0.25, np.diff(ends)[which] - 0.25)
-    x, y = (
-        np.interp(ends[which] + along, ends, corner) for corner in ([0, width, width, 0, 0], [0, 0, height, height, 0])
-    )
-    return np.stack([x, y], axis=1)
+    corners = [0, width, width, 0, 0], [0, 0, height, height, 0]
+    return np.stack([np.interp(ends[which] + along, ends, sides) for sides in corners], axis=1)
 
 
 class VoronoiTiling:

@@ -56,9 +56,8 @@ def cluster(given: Given) -> Todo:
     columns = (*COLUMNS[:3], "elbow", "verdict", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     columns = (*columns[:-2], "silhouette", *columns[-2:]) if given.silhouette else columns
     # A .npy file may fit into memory, where it is read like a .csv.
-    return planned(
-        plan, _cluster, columns, given, by_url=tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy")
-    )
+    by_url = tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy")
+    return planned(plan, _cluster, columns, given, by_url=by_url)
 
 
 def reading(given: Given) -> Arguments:

@@ -6,19 +6,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from cvtimg._shared.extras import optional
-from cvtimg.cli.running import (
-    Given,
-    Report,
-    Row,
-    Stopwatch,
-    Task,
-    Todo,
-    WrongUsageError,
-    plan_of,
-    planned,
-    plot,
-    read_beside,
-)
+from cvtimg.batch.report import Report
+from cvtimg.cli.running import Given, Row, Stopwatch, Task, Todo, WrongUsageError, plan_of, planned, plot, read_beside
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -81,12 +70,8 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     shown = {"existing": old, "levels": [factor.levels for factor in factors]}
     plot(task.outputs.get("--plot"), given, "draw_pairs", result.points, labels, **shown)
     stopwatch.lap("write")
-    return {
-        **result.summary(),
-        **figures,
-        "points": None if "-o" in task.outputs else table,
-        **({} if "-o" in task.outputs else {"_text": csv_text(header, table).rstrip("\n")}),
-    }
+    printed = {} if "-o" in task.outputs else {"_text": csv_text(header, table).rstrip("\n")}
+    return {**result.summary(), **figures, "points": table if printed else None, **printed}
 
 
 def _factors(given: Given) -> list[Factor]:

@@ -94,12 +94,8 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     result = energy_curve(samples, density=weights, **given.arguments)
     row = result.summary(given.rule, given.target)
     stopwatch.lap("cluster")
-    shown = image if given.plot else None
-    return {
-        **row,
-        **told_left_out(left_out),
-        "_plotted": Plotted(task.source.stem, result, row["k"], shown, given.space),
-    }
+    plotted = Plotted(task.source.stem, result, row["k"], image if given.plot else None, given.space)
+    return {**row, **told_left_out(left_out), "_plotted": plotted}
 
 
 def _read(source: Path, given: Given) -> tuple[Array, Array | None, Array | None, Mapping[str, str]]:

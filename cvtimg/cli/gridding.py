@@ -61,11 +61,8 @@ def placed(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         values = {"cell width (km)": grid.widths()[kept], "angle of triangles (degrees)": each.angles}
         plot(task.outputs["--histograms"], given, "draw_histograms", values)
     stopwatch.lap("write")
-    return {
-        **grid.summary(),
-        "kept": len(whole.points),
-        **dict(zip(_WIDTHS, np.quantile(grid.widths(), (0, 0.5, 1)).tolist(), strict=True)),
-    }
+    widths = zip(_WIDTHS, np.quantile(grid.widths(), (0, 0.5, 1)).tolist(), strict=True)
+    return {**grid.summary(), "kept": len(whole.points), **dict(widths)}
 
 
 def _plot(grid: sphere.SphereGrid, kept: Bools, path: Path, given: Given) -> None:
@@ -110,9 +107,8 @@ def read_coast(path: Path, n: int) -> Array:
 
 def read_densities(density: Path | None, finer: list[Finer]) -> list[object] | None:
     """Return what `cvtimg.sphere_grid` takes as a density: a map, circles and maps of finer cells, or None."""
-    parts: list[object] = (
-        [] if density is None else [sphere.GlobePicture.of("density", read_globe("--density", density))]
-    )
+    maps = [] if density is None else [read_globe("--density", density)]
+    parts: list[object] = [sphere.GlobePicture.of("density", bands) for bands in maps]
     for where, *numbers in finer:
         if isinstance(where, Path):
             parts.append(sphere.GlobePicture.of("density", sphere.by_spacing(read_globe("--refine", where), *numbers)))
@@ -131,10 +127,10 @@ def cut_out(grid: sphere.SphereGrid, given: Given) -> sphere.PartialGrid | None:
         part = sphere.cull_land(grid, land, straits=straits, largest=not given.all_seas, fill_bays=not given.keep_bays)
     if given.area is None:
         return part
-    is_file = isinstance(given.area, Path)
-    within = (
-        _part("--region", given.area) if is_file else (sphere.Cap if len(given.area) == 3 else sphere.Box)(*given.area)
-    )
+    if isinstance(given.area, Path):
+        within = _part("--region", given.area)
+    else:
+        within = (sphere.Cap if len(given.area) == 3 else sphere.Box)(*given.area)
     return sphere.limit_area(part or grid, within, layers=given.layers)
 
 

@@ -39,9 +39,5 @@ def mesh(given: Given) -> Todo:
         from cvtimg.meshes.files import suffixes
 
         check_suffix("--order 2", Path(given.output or named), suffixes("triangle6"))
-    return planned(
-        plan_of(given, named),
-        late("cli.meshing", "meshed"),
-        (*COLUMNS, *MEASURES) if given.measures else COLUMNS,
-        given,
-    )
+    columns = (*COLUMNS, *MEASURES) if given.measures else COLUMNS
+    return planned(plan_of(given, named), late("cli.meshing", "meshed"), columns, given)

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import asdict
+from itertools import compress
 from pathlib import Path
 from typing import Any
 from warnings import warn
@@ -103,17 +104,15 @@ def _parts(shape: object, name_by: str) -> Any:
     if not names or None in names:
         known = sorted({key for each in properties for key in each})
         if known and (len(names) > 1 or name_by != "name"):
-            word = (
-                f"only {sum(name is not None for name in names)} of {len(names)} features have the property {name_by}"
-            )
+            n_named = len(names) - names.count(None)
+            word = f"only {n_named} of {len(names)} features have the property {name_by}"
             warn(f"{word}: they are one region; --name-by takes {', '.join(known)}", stacklevel=1)
         return shape
     words = [re.sub(r"[^\w-]+", "_", str(name)) for name in names]
     words = [word if word[:1].isalpha() else f"_{word}" for word in words]
     return {
-        word: PolygonRegion({"type": "FeatureCollection", "features": [features[k] for k in members]})
+        word: PolygonRegion({"type": "FeatureCollection", "features": [*compress(features, map(word.__eq__, words))]})
         for word in dict.fromkeys(words)
-        if (members := [k for k, other in enumerate(words) if other == word])
     }
 
 

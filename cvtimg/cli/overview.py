@@ -111,9 +111,8 @@ def help_of(verb: str) -> str:
         usual = [option for option in options if title == "What to get" or option.name in _OUTPUTS]
         few |= {title: usual} if usual else {}
         if title != _SHARED and len(options) > len(usual):
-            rest[f"{title}:"] = ", ".join(
-                option.words[0].partition("/")[0] for option in options if option not in usual
-            )
+            others = (option.words[0].partition("/")[0] for option in options if option not in usual)
+            rest[f"{title}:"] = ", ".join(others)
     for title, options in (("Arguments", command.inputs), *few.items()):
         lines += _section(title, recorded(options), width)
     if _SHARED in command.panels:

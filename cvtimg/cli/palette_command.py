@@ -58,9 +58,8 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     n_distinct = color_samples(image).n_colors
     locked = given.arguments.get("locked")
     if given.main:
-        result = map_to_palette(
-            image, main_palette(image, given.number or MAIN_COLORS, locked=locked).colors, space="oklab"
-        )
+        colors = main_palette(image, given.number or MAIN_COLORS, locked=locked).colors
+        result = map_to_palette(image, colors, space="oklab")
     elif is_palette and given.number is None:
         result = map_to_palette(image, image[0])  # in the order of the file
     else:

@@ -252,9 +252,8 @@ def _write_each(path: Path, images: Sequence[Array], stack: Pages, source: Any, 
 
 
 def _panels(result: Any, read: VersionFiles, given: Given) -> list[list[tuple[Any, str]]]:
-    stack = stack_versions(
-        read.images, read.masks, given.nodata, channels=given.channels, alpha=read.alpha, any_size=given.align
-    )
+    how = {"channels": given.channels, "alpha": read.alpha, "any_size": given.align}
+    stack = stack_versions(read.images, read.masks, given.nodata, **how)
     panels = []
     for number, name in enumerate(read.names):
         values, known = stack.bands(number), stack.known[:, :, number]

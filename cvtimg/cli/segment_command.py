@@ -223,9 +223,8 @@ def _needs_tiles(task: Task) -> bool:
     zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr" and not is_stored(path)]
     if [kind_of(option) for option in task.outputs] != ["labels"]:
         if zarr:
-            raise ValueError(
-                f"{zarr[0].name} is read and written in tiles, and only labels can be: leave out the other outputs"
-            )
+            only_labels = "is read and written in tiles, and only labels can be: leave out the other outputs"
+            raise ValueError(f"{zarr[0].name} {only_labels}")
         return False
     from cvtimg.pictures.tiles import needs_tiles
 

@@ -216,9 +216,8 @@ class JointTable(Report):
         self._tables: dict[str, Table] = {}
         times = Counter(task.source.name for task in plan.tasks)
         #: The name of each input in the table: that of its file, or its path where files have the same name.
-        self._names = {
-            task.name: task.source.name if times[task.source.name] == 1 else task.name for task in plan.tasks
-        }
+        named = [(task.name, task.source.name) for task in plan.tasks]
+        self._names = {name: file if times[file] == 1 else name for name, file in named}
         if given.skip_existing and not given.overwrite and exists(path):
             try:
                 self._tables |= _by_image(_read(path))

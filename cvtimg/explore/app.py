@@ -21,7 +21,7 @@ from starlette.websockets import WebSocket
 
 from cvtimg._shared.choices import Json, SpaceName
 from cvtimg.explore.channel import Channel
-from cvtimg.explore.controls import UnfitRequestError
+from cvtimg.explore.controls import UnfitRequestError, understood
 from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
 from cvtimg.explore.opened import most_pixels
 from cvtimg.explore.outcomes import WANTED, fitting, seen_quality
@@ -63,9 +63,9 @@ class Server:
             "/palette": store.open_palette,
             "/forget": lambda name, content: store.forget(),
             "/command": lambda name, content: settings_of(content.decode(errors="replace")),
-            "/all": lambda name, content: _add_result(store, _understood(content)),
-            "/presets": lambda name, content: self._presets(_understood(content)),
-            "/resize": lambda name, content: self._resized(_understood(content)),
+            "/all": lambda name, content: _add_result(store, understood(content)),
+            "/presets": lambda name, content: self._presets(understood(content)),
+            "/resize": lambda name, content: self._resized(understood(content)),
         }
         for address, make in asked.items():
             routes.append(Route(address, partial(self._answer, make), methods=["GET", "POST"]))
@@ -174,14 +174,6 @@ class Server:
             self._last_used = time.monotonic()
             if not self._keep and not self._n_pages:
                 self.store.forget()
-
-
-def _understood(content: bytes) -> Json:
-    """Return what a page asks for in JSON."""
-    try:
-        return dict(json.loads(content))
-    except (ValueError, TypeError, RecursionError) as error:
-        raise UnfitRequestError("this request is not understood") from error
 
 
 def _sample() -> bytes:

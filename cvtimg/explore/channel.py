@@ -25,7 +25,7 @@ from cvtimg._shared.budgets import PIXELS_AT_ONCE, ROWS_AT_ONCE
 from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.progress import watched
-from cvtimg.explore.controls import UnfitRequestError
+from cvtimg.explore.controls import UnfitRequestError, understood
 from cvtimg.explore.layers import Window, packed
 from cvtimg.explore.outcomes import Outcome, fitting
 from cvtimg.explore.store import Store
@@ -98,11 +98,9 @@ class Channel:
             self._search.end()
 
     async def _take(self, text: str) -> None:
-        try:
-            request = json.loads(text)
-        except (ValueError, RecursionError):
-            request = None
-        asked: Json = request if isinstance(request, dict) else {}
+        asked: Json = {}
+        with suppress(UnfitRequestError):
+            asked = understood(text)
         number, lane = asked.get("seq"), asked.get("lane")
         if not isinstance(number, int) or not 0 <= number < 1 << 31 or lane not in ("cancel", *self._woken):
             await self._refuse(0, "", "this request is not understood")
@@ -138,9 +136,8 @@ class Channel:
             picture = opened(self._store, asked)
             window = Window.of(asked.get("view"), picture.size, PIXELS_AT_ONCE)
             about = {"lane": lane, "picture": asked.get("picture")}
-            await self._socket.send_bytes(
-                await run_in_threadpool(lambda: packed(number, about, picture.seen(window), window, window))
-            )
+            seen = await run_in_threadpool(lambda: packed(number, about, picture.seen(window), window, window))
+            await self._socket.send_bytes(seen)
             return
         tab, request = requested(self._store, asked, is_draft=lane == "draft")
         same = (tab.name, request.opened and request.source.key, request.settings)

@@ -4,6 +4,7 @@ Most are made from the options of the command (`controls_of`). The page draws th
 checks what it receives by `Control.parse`, and the command that the page shows consists of `Control.words`.
 """
 
+import json
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,6 +26,14 @@ Settings: TypeAlias = Options
 
 class UnfitRequestError(Exception):
     """A request that cannot be answered; the message tells the person why."""
+
+
+def understood(content: str | bytes) -> Json:
+    """Return what a page asks for in JSON."""
+    try:
+        return dict(json.loads(content))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise UnfitRequestError("this request is not understood") from error
 
 
 def is_number(value: object) -> bool:
@@ -76,18 +85,15 @@ class Control:
         """Return the words of the command line for a value; the option is repeated for each of several."""
         if not self.flag or not self.says(value):
             return []
-        return [
-            word for item in (value if isinstance(value, tuple) else [value]) for word in (self.flag, self.text(item))
-        ]
+        items = value if isinstance(value, tuple) else (value,)
+        return [word for item in items for word in (self.flag, self.text(item))]
 
     def text(self, value: object) -> str:
         return str(value)
 
     def described(self) -> Json:
-        told = {
-            attribute.name: getattr(self, attribute.name) for attribute in fields(self) if attribute.name not in _OWN
-        }
-        return {"kind": self.kind or type(self).__name__.lower(), **told}
+        told = [attribute.name for attribute in fields(self) if attribute.name not in _OWN]
+        return {"kind": self.kind or type(self).__name__.lower(), **{name: getattr(self, name) for name in told}}
 
     def refuse(self, value: object, allowed: str) -> UnfitRequestError:
         return UnfitRequestError(f"{self.label}: {str(value)[:40]!r} must be {allowed}")

@@ -21,10 +21,9 @@ from cvtimg._shared.types import Array, Bools, Bytes
 from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
-from cvtimg.explore.calls import Code, call
 from cvtimg.explore.controls import Swatches, UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
-from cvtimg.explore.outcomes import safe_name
+from cvtimg.explore.outcomes import Code, call, safe_name
 from cvtimg.pictures import Frames, ImageInfo, Pages, image_info, read_frames, read_pages
 from cvtimg.pictures.formats.opening import Selection, selecting
 from cvtimg.pictures.pages import one_page

@@ -1,24 +1,25 @@
-"""Results of a tab: what the page shows of them, and the files that it offers."""
+"""Results of a tab: the lines of Python that make them, what the page shows of them, and the files that it offers."""
 
+import json
 import os
 import re
 import shlex
 import tempfile
 import threading
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, is_dataclass
 from functools import cache
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image, features
 
-from cvtimg._shared.choices import Options
+import cvtimg
+from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.types import Array, Bytes
-from cvtimg.explore.calls import Code, Line, as_python, call, evaluated
 from cvtimg.explore.controls import Control, controls_of
 from cvtimg.explore.layers import Layer, Window
 from cvtimg.looks.similarity import Qualities
@@ -32,6 +33,60 @@ LOSSY = [end for end, name in _FORMATS.items() if features.check({"JPEG": "jpg"}
 _SEARCHED = 1 << 19
 #: The quality that is wanted; its option is that of `cvtimg quantize`.
 WANTED: Control = controls_of("quantize", "quality")[0]
+
+
+class Code(str):
+    """An expression of Python: lines write it as it is, and all other values as literals."""
+
+    __slots__ = ()
+
+
+class Line(NamedTuple):
+    """A line of Python, an expression that gets a name; `value` is what it stands for where that is at hand."""
+
+    name: str
+    code: Code
+    value: Any = None
+
+
+def call(function: str, *arguments: Any, **keywords: Any) -> Code:
+    """Write the call of a function, such as ``"cvtimg.quantize"``."""
+    words = [*map(literal, arguments), *(f"{name}={literal(value)}" for name, value in keywords.items())]
+    return Code(f"{function}({', '.join(words)})")
+
+
+def run(lines: Iterable[Line], values: Options | None = None) -> Json:
+    """Run lines one after the other, and return the values of all names."""
+    named = dict(values or {})
+    for line in lines:
+        named[line.name] = evaluated(line.code, named) if line.value is None else line.value
+    return named
+
+
+def evaluated(code: Code, values: Options) -> Any:
+    """Return what an expression stands for: tabs write it, and what a person chose is in it as literals alone."""
+    return eval(code, {"cvtimg": cvtimg, "numpy": np, **values})
+
+
+def as_python(lines: Sequence[Line], last: Code) -> str:
+    """Write lines in Python, and a call after them."""
+    written = [*(f"{line.name} = {line.code}" for line in lines), last]
+    modules = [name for name in ("cvtimg", "numpy", "PIL.Image") if any(f"{name}." in line for line in written)]
+    return "\n".join([*(f"import {name}" for name in modules), "", *written])
+
+
+def literal(value: object) -> str:
+    """Write a value in Python."""
+    if isinstance(value, str):
+        return value if isinstance(value, Code) else json.dumps(value, ensure_ascii=False)
+    if isinstance(value, np.ndarray):
+        return repr(value.tolist())
+    if isinstance(value, list) and value and is_dataclass(value[0]):
+        return f"[{', '.join(map(literal, value))}]"
+    if is_dataclass(value):  # all that are passed have a public name in the package of their subject
+        package = ".".join(type(value).__module__.split(".")[:2])
+        return f"{package}.{value!r}".replace("'", '"')
+    return repr(value)
 
 
 def own_prefix() -> str:
@@ -120,11 +175,9 @@ class Outcome:
             return None
         with self._lock:
             if key not in self._files:
-                self._files[key] = (
-                    written_as(name, lambda path: evaluated(output.writing(path), self.values))
-                    if output
-                    else lossy(self.image, end, int(quality))
-                )
+                if output:
+                    content = written_as(name, lambda path: evaluated(output.writing(path), self.values))
+                self._files[key] = content if output else lossy(self.image, end, int(quality))
             return name, self._files[key]
 
 

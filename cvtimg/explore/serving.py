@@ -98,9 +98,8 @@ def _door(credentials: Credentials) -> Iterator[None]:
     os.close(number)
     door, address = Path(name), credentials.entrance(once=True)
     try:
-        door.write_text(
-            f'<!doctype html><meta http-equiv="refresh" content="0;url={address}"><a href="{address}">Open</a>\n'
-        )
+        refresh = f'<meta http-equiv="refresh" content="0;url={address}">'
+        door.write_text(f'<!doctype html>{refresh}<a href="{address}">Open</a>\n')
         webbrowser.open(door.as_uri())
         yield
     finally:

@@ -23,10 +23,9 @@ from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.types import Bytes
-from cvtimg.explore.calls import Code, Line, as_python, call, run
 from cvtimg.explore.controls import LONGEST_TEXT, UnfitRequestError, is_number
 from cvtimg.explore.opened import HELD_PIXELS, Picture, most_pixels
-from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
+from cvtimg.explore.outcomes import FOLDERS, Code, Line, Outcome, as_python, call, own_prefix, run
 from cvtimg.palettes.files import known_palettes
 from cvtimg.pictures.formats.encoding import encode_image
 

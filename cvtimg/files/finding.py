@@ -55,11 +55,8 @@ def _expand(path: StrPath) -> list[Path]:
         if not inside:
             raise FileNotFoundError(f"{path}: no images in this folder")
         inputs = {file.with_suffix("") for file in inside}
-        return [
-            file
-            for file in inside
-            if not ((name := _OUTPUTS.fullmatch(file.stem)) and file.with_name(name[1]) in inputs)
-        ]
+        names = ((file, _OUTPUTS.fullmatch(file.stem)) for file in inside)
+        return [file for file, name in names if not (name and file.with_name(name[1]) in inputs)]
     if given.exists():
         return [given]
     if not glob.has_magic(str(path)):

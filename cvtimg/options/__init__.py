@@ -9,23 +9,15 @@ from importlib import import_module
 
 from cvtimg.options.record import Option
 
-#: Where the options of each verb are.
+#: Modules, each with the verbs whose options it has.
 _MODULES = {
-    "quantize": "quantize_options",
-    "palette": "quantize_options",
-    "info": "quantize_options",
-    "segment": "segment_options",
-    "restore": "restore_options",
-    "stipple": "artwork_options",
-    "mosaic": "artwork_options",
-    "mesh": "mesh_options",
-    "surface": "mesh_options",
-    "sphere": "mesh_options",
-    "cluster": "sample_options",
-    "elbow": "sample_options",
-    "design": "sample_options",
-    "basis": "sample_options",
-    "explore": "common",
+    "quantize_options": "quantize palette info",
+    "segment_options": "segment",
+    "restore_options": "restore",
+    "artwork_options": "stipple mosaic",
+    "mesh_options": "mesh surface sphere",
+    "sample_options": "cluster elbow design basis",
+    "common": "explore",
 }
 #: Panels of ``--help`` in their order, each with the names of its options; the first has all others.
 PANELS = {
@@ -56,6 +48,7 @@ def panel_of(name: str) -> str:
 @cache  # the page asks for them at each move of a control
 def options_of(verb: str) -> tuple[Option, ...]:
     """Return the options of a verb, in the order of ``--help``."""
-    options: tuple[Option, ...] = getattr(import_module(f"cvtimg.options.{_MODULES[verb]}"), verb.upper())
+    module = next(name for name, verbs in _MODULES.items() if verb in verbs.split())
+    options: tuple[Option, ...] = getattr(import_module(f"cvtimg.options.{module}"), verb.upper())
     panels = list(PANELS)
     return tuple(sorted(options, key=lambda option: panels.index(panel_of(option.name))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -53,9 +54,7 @@ def draw_globe(
     seen = np.minimum.reduceat(turned[:, 2], np.concatenate([[0], ends[:-1]])) > 0
     with figure_file(8.0, 7.2, suffix) as (figure, content):
         axes = figure.subplots()
-        outlines = [
-            outline for outline, is_seen in zip(np.split(turned[:, :2], ends[:-1]), seen, strict=True) if is_seen
-        ]
+        outlines = list(compress(np.split(turned[:, :2], ends[:-1]), seen))
         drawn = _add_polygons(figure, axes, outlines, sizes[seen], sizes, scale)
         for line in lines:
             x, y, toward = _axes_of_view(*center) @ _unit_vectors(line)
@@ -120,9 +119,8 @@ def draw_surface(
     """
     with figure_file(9.0, 8.0, suffix) as (figure, content):
         axes: Any = figure.add_subplot(projection="3d", proj_type="ortho")
-        drawn = axes.plot_trisurf(
-            *points.T, triangles=triangles, cmap="RdYlGn", edgecolor=(0, 0, 0, 0.6), linewidth=0.3
-        )
+        look = {"cmap": "RdYlGn", "edgecolor": (0, 0, 0, 0.6), "linewidth": 0.3}
+        drawn = axes.plot_trisurf(*points.T, triangles=triangles, **look)
         drawn.set(array=qualities, clim=(POOR, 1.0))
         axes.view_init(center[1], center[0])
         axes.set_aspect("equal")

@@ -7,10 +7,9 @@ from typing import ClassVar
 from cvtimg._shared.choices import Json, Options
 from cvtimg.artwork import Mosaic, Stipples
 from cvtimg.artwork.stipples import Sheet
-from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import Choice, Control, Settings, Switch, active, controls_of, number
 from cvtimg.explore.layers import Drawing, Layer
-from cvtimg.explore.outcomes import Output, written_as
+from cvtimg.explore.outcomes import Code, Line, Output, call, evaluated, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
 #: Settings of the drawing, not of the dots: options of `Stipples.save`.

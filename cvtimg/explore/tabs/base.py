@@ -9,11 +9,10 @@ from cvtimg._shared.budgets import ROWS_AT_ONCE
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.messages import reworded
 from cvtimg._shared.types import Array
-from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import Brushed, Control, Number, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Layer, Window
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
+from cvtimg.explore.outcomes import Code, Line, Outcome, Output, Recipe, call, evaluated, run, safe_name
 from cvtimg.explore.store import Store
 
 #: Units of pixels, by the power of their length.
@@ -155,14 +154,12 @@ class Tab:
 
     def maps(self, request: Request) -> list[Line]:
         """Return the lines that read the (H, W) images that are drawn by brush."""
-        return [
-            Line(
-                brush.name,
-                call("cvtimg.read_image", brush.pattern.format(request.stem)),
-                request.every(brush.drawn(request.settings[brush.name], request.picture.size)),
-            )
-            for brush in self.brushed(request)
-        ]
+        lines = []
+        for brush in self.brushed(request):
+            drawn = brush.drawn(request.settings[brush.name], request.picture.size)
+            read = call("cvtimg.read_image", brush.pattern.format(request.stem))
+            lines.append(Line(brush.name, read, request.every(drawn)))
+        return lines
 
     def map_files(self, request: Request) -> list[Output]:
         """Return the files of these images, which the command reads."""

@@ -15,7 +15,6 @@ from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
-from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import (
     Brushed,
     Choice,
@@ -30,7 +29,7 @@ from cvtimg.explore.controls import (
     words_of,
 )
 from cvtimg.explore.layers import Indexed, Layer
-from cvtimg.explore.outcomes import Outcome, Output, Recipe
+from cvtimg.explore.outcomes import Code, Line, Outcome, Output, Recipe, call, evaluated
 from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, Request, Tab, all_of, missing, reading
 from cvtimg.options.common import color_bits
 from cvtimg.palettes.files import known_palettes
@@ -128,11 +127,8 @@ class ColorsTab(Tab):
             is_film = isinstance(request.source.frames, Frames)
             ends = {f"Animation, {end[1:].upper()}": end for end in (".gif", ".png", ".webp")} if is_film else _PAGES
             images = [Output(label, "-o", "{}-quantized" + end) for label, end in ends.items()]
-            return (
-                images
-                if request.settings["per_frame"]
-                else [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS_OF_ALL)]
-            )
+            has_one = not request.settings["per_frame"]
+            return [*images, *(palette_files(_PALETTES, PALETTE, N_PIXELS_OF_ALL) if has_one else [])]
         shape, dtype = request.picture.array.shape, request.picture.array.dtype
         in_png = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
         suffixes = [".png", ".webp", ".gif"][: None if dtype == np.uint8 else 1] if in_png else [".npy"]
@@ -221,13 +217,8 @@ class ColorsTab(Tab):
         if palette is None:
             return None
         dither = None if settings["dither"] == "none" else settings["dither"]
-        result = map_to_palette(
-            picture.samples_in(request.window),
-            palette,
-            space=settings["space"],
-            dither=dither,
-            dither_strength=settings["strength"] if dither else 1.0,
-        )
+        strength, samples = settings["strength"] if dither else 1.0, picture.samples_in(request.window)
+        result = map_to_palette(samples, palette, space=settings["space"], dither=dither, dither_strength=strength)
         return Outcome(*self.seen(request, {"result": result}), drawn=request.window)
 
     def _quick_palette(self, request: Request) -> Array | None:

@@ -8,11 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cvtimg._shared.choices import Json, Options
-from cvtimg.explore.calls import Code, Line, call, evaluated, literal
 from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Layer, Pixels, Window
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
+from cvtimg.explore.outcomes import Code, Line, Outcome, Output, Recipe, call, evaluated, literal, safe_name
 from cvtimg.explore.tabs.base import WRITE_IMAGE, Request, Tab
 from cvtimg.pictures.files import image_suffixes
 from cvtimg.restoration import Denoised, Restoration
@@ -87,11 +86,11 @@ class RestoreTab(Tab):
         versions = _versions(request)
         files = Code(f"[{', '.join(literal(picture.name) for picture in versions)}]")
         read = f"[{', '.join(picture.python for picture in versions)}]"
-        lines = [
+        return [
             Line("paths", files, [picture.path for picture in versions]),
             Line("images", Code(read), [picture.array for picture in versions]),
+            Line("result", self._call(request.settings, Code("paths"))),
         ]
-        return [*lines, Line("result", self._call(request.settings, Code("paths")))]
 
     def _call(self, settings: Settings, *paths: Code) -> Code:
         """Return what restores segments or detail; where the picture decides, either."""
@@ -169,9 +168,8 @@ def _told(result: Denoised) -> str:
     said = [f"Noise of {noise} levels{'' if isinstance(result, Restoration) else kind}"]
     if len(result.weights) > 1:
         said += ["weights " + ", ".join(f"{value:.2f}" for value in result.weights)]
-    moved = [
-        f"{model} {abs(complex(*shift)):.1f} px" for model, shift in zip(result.models, result.shifts, strict=True)
-    ]
+    pixels = np.hypot(*result.shifts.T).tolist()
+    moved = [f"{model} {by:.1f} px" for model, by in zip(result.models, pixels, strict=True)]
     said += ["moved by " + ", ".join(moved[1:])] if result.shifts.any() else []
     unknown = (result.coverage == 0).mean()
     return "; ".join([*said, *([f"{unknown:.1%} known in no version"] if unknown else [])]) + "."

@@ -11,7 +11,6 @@ import numpy as np
 from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing
-from cvtimg.explore.calls import Code, Line, call, evaluated, literal, run
 from cvtimg.explore.controls import (
     Choice,
     Control,
@@ -24,7 +23,7 @@ from cvtimg.explore.controls import (
     words_of,
 )
 from cvtimg.explore.layers import Drawing, Indexed, Layer
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
+from cvtimg.explore.outcomes import Code, Line, Outcome, Output, Recipe, call, evaluated, literal, run, safe_name
 from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, WRITE_IMAGE, Request, Tab, visible
 from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.labels import read_labels, region_means

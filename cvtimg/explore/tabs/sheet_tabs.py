@@ -11,10 +11,9 @@ import numpy as np
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing
 from cvtimg.designs import Design, Factor
-from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import Choice, Control, Entry, Number, Settings, Table, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Drawing, Globe, Layer
-from cvtimg.explore.outcomes import Outcome, Output
+from cvtimg.explore.outcomes import Code, Line, Outcome, Output, call, evaluated
 from cvtimg.explore.tabs.base import Request, Tab
 from cvtimg.plotting.charts import MOST_AXES
 from cvtimg.sphere import Refinement, SphereGrid, WidthCircle
@@ -106,16 +105,13 @@ class SphereTab(Tab):
         cells, measures, widths = result.cells(), result.measures(), result.widths()
         obtuse = f"{measures.n_obtuse} obtuse triangles" if measures.n_obtuse else "no obtuse triangle"
         low, middle, high = np.quantile(widths, (0, 0.5, 1)).tolist()
-        facts = {
-            "k": len(result.points),
-            "noun": "cells",
-            "about": f"Least angle {measures.least_angle:.1f}°, {obtuse}. "
-            f"Widths {low:.0f} to {high:.0f} km, median {middle:.0f}.",
-        }
+        about = f"Widths {low:.0f} to {high:.0f} km, median {middle:.0f}."
+        about = f"Least angle {measures.least_angle:.1f}°, {obtuse}. {about}"
         ends = np.stack([cells.corners, np.roll(cells.corners, -1)], axis=1)
         ends[cells.offsets[1:] - 1, 1] = cells.corners[cells.offsets[:-1]]
         once = ends[ends[:, 0] < ends[:, 1]]  # each edge belongs to two cells, which walk it in opposite ways
-        return Globe(cells.vertices.astype(np.float32), once.astype(np.uint32)), facts
+        layer = Globe(cells.vertices.astype(np.float32), once.astype(np.uint32))
+        return layer, {"k": len(result.points), "noun": "cells", "about": about}
 
 
 class DesignTab(Tab):
@@ -184,9 +180,8 @@ def _n_points(settings: Settings) -> int:
     n_points: int = evaluated(_density(settings), {}).n_points
     (most,) = (control.high for control in SphereTab.controls if isinstance(control, Number) and control.name == "n")
     if n_points > most:
-        raise UnfitRequestError(
-            f"these widths take {n_points:,} points; the page shows up to {most:,}, the command line makes more"
-        )
+        allowed = f"the page shows up to {most:,}, the command line makes more"
+        raise UnfitRequestError(f"these widths take {n_points:,} points; {allowed}")
     return n_points
 
 

@@ -86,10 +86,8 @@ def extra_tags(geo: GeoTags, nodata: float | None = None) -> list[tuple[int, str
     given = dict(geo)
     if nodata is not None:
         given[GeoTag.NODATA] = f"{nodata:.17g}"
-    return [
-        (code, GEO_TYPES[code], 0 if isinstance(value, str) else len(value), value, True)
-        for code, value in given.items()
-    ]
+    counts = {code: 0 if isinstance(value, str) else len(value) for code, value in given.items()}
+    return [(code, GEO_TYPES[code], counts[code], value, True) for code, value in given.items()]
 
 
 def _transform(tags: Tags, *, point: bool) -> tuple[float, float, float, float, float, float] | None:

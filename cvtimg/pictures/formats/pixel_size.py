@@ -87,10 +87,8 @@ class PixelSize:
             if any(other != unit for other in others):
                 if not {unit, *others} <= {*INCHES}:
                     return None
-                y, z = (
-                    side and float(f"{side * INCHES[other] / INCHES[unit]:.9g}")
-                    for side, other in zip((y, z), others, strict=True)
-                )
+                times = (INCHES[other] / INCHES[unit] for other in others)
+                y, z = (side and float(f"{side * factor:.9g}") for side, factor in zip((y, z), times, strict=True))
         else:
             across, down = (_positive(value) for value in scale.get("resolution", (None, None)))
             x, y, z = across and 1 / across, down and 1 / down, _positive(scale.get("spacing"))

@@ -52,9 +52,8 @@ class Arrangement(NamedTuple):
         """Return which of the bands of a page is chosen as a channel; None for all of them."""
         if by.channel is None or "C" in (by.axes or self.axes):
             return None
-        return place_of(
-            by.channel, len(bands), self.channels if len(self.channels) == len(bands) else bands, _NOUNS["C"]
-        )
+        names = self.channels if len(self.channels) == len(bands) else bands
+        return place_of(by.channel, len(bands), names, _NOUNS["C"])
 
     def _named(self, axes: str) -> Self:
         letters = axes.upper().removesuffix("S").removesuffix("YX")
