@@ -46,16 +46,12 @@ _N_SAMPLES = 1 << 14
 _EQUAL = 1.25
 #: How often opponent colors count, beside lightness: they vary less, so noise hides less of what differs.
 _CHROMA = 2
-#: Every covariance has this part of its trace in all directions, so that float32 is precise enough.
-_PRECISE = 1e-7
 #: Covariances of the estimate, which has lost some detail, are raised by this factor.
 _GAIN = 1.1
 #: Twice, power that exceeds that of the noise by this factor is halved in the covariance of noisy patches.
 _BENT = 1.5
 #: Added to the variance that a filter leaves, as a share of that of the noise: none is perfect.
 _LEFT = 0.02
-#: Share of the variance of noise that every covariance has, so that it has an inverse.
-_RIDGE = 1e-4
 #: Share of its mean variance that shared noise has in any direction of a patch, so that its covariance has an inverse.
 _ANYWHERE = 0.01
 #: Precision of unknown pixels, filled from nearby, as a part of the usual one.
@@ -179,11 +175,10 @@ def _fused(
     # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
     # Of versions that were moved by fractions of a pixel, `own` takes the pixels as they were; and they count less
     # where they differ from the first by more than noise: that is finer than the pixels, or has moved by itself.
-    white, source, ends = versions.white, evidence.given, list[tuple[bool, bool]]()
+    white, source, ends_of_first = versions.white, evidence.given, (False, False)
     total, weights = np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32)
     first, first_known, spread = versions.bands(0), versions.known[:, :, 0], versions.noisiness(estimate)
-
-    def add(version: int, share: np.float32) -> None:
+    for version, share in enumerate(evidence.trust.astype(np.float32)):
         known, values = versions.known[:, :, version], versions.bands(version) if version else first
         is_moved = version > 0 and evidence.aligned
         if is_moved and own:
@@ -199,27 +194,28 @@ def _fused(
             excess = np.maximum(apart / near - noise, 0)
             # The variance of noise, as a part of that and of what is not noise.
             weight *= noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))
-        sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]
-        clips = False, False
         if white is not None:
-            ends.append(clipped_ends(values, known[:, :, None], estimate, sigma, white))
+            sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]
+            ends = clipped_ends(values, known[:, :, None], estimate, sigma, white)
             # Versions that were moved by fractions of a pixel hide where they were clipped; the first is never moved.
-            clips = ends[0][0] or ends[-1][0], ends[0][1] or ends[-1][1]
-
-        def add_rows(rows: slice) -> None:
-            near, seen = estimate[rows], values[rows]
-            if white is not None and any(clips):
-                clipped = Clipped.of(near, sigma[rows], white, clips)
-                weight[rows] /= (clipped.variance / clipped.slope**2).mean(axis=2)
-                seen = near + (seen - clipped.added - near) / clipped.slope
-            total[rows] += weight[rows][:, :, None] * np.where(known[rows][:, :, None], seen, 0)
-            weights[rows] += weight[rows]
-
-        in_stripes(add_rows, len(estimate), work=(64.0 if any(clips) else 8.0) * estimate.size)
-
-    for version, share in enumerate(evidence.trust.astype(np.float32)):
-        add(version, share)
+            ends_of_first = ends_of_first if version else ends
+            values = _unclipped(values, weight, estimate, sigma, white, tuple(map(max, ends, ends_of_first)))
+        total += weight[:, :, None] * np.where(known[:, :, None], values, 0)
+        weights += weight
     return fill(total, weights), weights
+
+
+def _unclipped(
+    values: Floats32, weight: Floats32, true: Floats32, sigma: Floats32, white: float, ends: tuple[bool, ...]
+) -> Floats32:
+    """Return values as they were before they were clipped at some ends; their weights are overwritten."""
+
+    def part(rows: slice) -> Floats32:
+        clipped, near = Clipped.of(true[rows], sigma[rows], white, ends), true[rows]
+        weight[rows] /= (clipped.variance / clipped.slope**2).mean(axis=2)
+        return near + (values[rows] - clipped.added - near) / clipped.slope
+
+    return np.concatenate(in_stripes(part, len(true), work=64.0 * true.size)) if any(ends) else values
 
 
 def clipped_ends(values: Floats32, known: Bools, true: Floats32, sigma: Floats32, white: float) -> tuple[bool, bool]:
@@ -456,8 +452,6 @@ class _Filters:
                 covariances *= _GAIN
             else:
                 _lessen_noise(covariances, noise[here], variance)
-            diagonal = np.einsum("gii->gi", covariances)
-            diagonal += np.maximum(_RIDGE * variance, _PRECISE * diagonal.sum(axis=1))[:, None]
             _patches.make_filters(covariances, variance)
             if noisy.shared:
                 covariances[:] = whiten.T @ covariances @ factor.T
@@ -519,8 +513,7 @@ def _lessen_noise(covariances: Floats32, noise: Floats, variances: Floats) -> No
     """Turn (G, P, P) covariances of noisy patches into those of what they show."""
     # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
     # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.
-    diagonal = np.einsum("gii->gi", covariances)
-    diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
+    np.einsum("gii->gi", covariances)[:] += variances[:, None] - noise
     bends = _BENT * variances
     for _ in range(2):
         filters = covariances.copy()

@@ -75,7 +75,7 @@ class Clipped:
     variance: Floats32  # variance that is left, as a share of that of the noise
 
     @classmethod
-    def of(cls, true: Floats32, sigma: Floats32, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
+    def of(cls, true: Floats32, sigma: Floats32, white: float, ends: tuple[bool, ...] = (True, True)) -> Clipped:
         """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviations `sigma` > 0."""
         inside = np.clip(true, 0, white)
         added, slope, variance = np.zeros_like(inside), np.ones_like(inside), np.ones_like(inside)

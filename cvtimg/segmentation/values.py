@@ -51,11 +51,7 @@ class PictureValues:
         scale = self.scale
         if self.space != "rgb":
             colors, scale = to_space(colors.astype(np.float64) / peak(self.dtype), self.space), self.unit
-        values = np.empty(colors.shape, np.float32)
-        for dim, middle in enumerate(center):  # long loops, one per dimension
-            place = colors[:, dim] * np.float64(scale)
-            values[:, dim] = np.subtract(place, middle, out=place)
-        return values
+        return (colors * np.float64(scale) - center).astype(np.float32)
 
     @property
     def center(self) -> Floats:
