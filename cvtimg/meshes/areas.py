@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from cvtimg._shared.budgets import GIVEN, ROUNDING
 from cvtimg._shared.types import Floats, Indices, Ints, Points
 
-#: Part of a vertex's shorter edge by which it moves at most in a round of Newton's method: with more, edges may cross.
-_LONGEST = 0.25
 #: Part of what other vertices move by which ends of lines do, corners and junctions: with more, these lose their shape.
 _ENDS = 0.03
 
@@ -77,8 +75,9 @@ class Areas:
             shortest = np.full(n, np.inf)
             for end in (0, 1):
                 np.minimum.at(shortest, edges[:, end], lengths)
+            # By more than a quarter of their shorter edge, edges may cross.
             far = np.linalg.norm(moves, axis=1)
-            points += moves * np.minimum(1, _LONGEST * shortest / np.maximum(far, 1e-300))[:, None]
+            points += moves * np.minimum(1, shortest / 4 / np.maximum(far, 1e-300))[:, None]
         return points
 
 

@@ -20,9 +20,6 @@ from cvtimg.meshes.triangulation import Borders
 _CUT = 0.02
 #: Part of `Spacing.near` where only the outside is between lines, and no triangle: with more, edges there are shorter.
 _BEYOND = 0.3
-#: Sine of the angle below which lines meet sharply, where sizes that grow from the corner are best: with more, edges
-#: near other corners stay long.
-_SHARP = 0.42
 #: Part of what was wanted below which edges are short, and sizes around follow them: with more, all sizes are smaller.
 _SHORT = 0.75
 #: Degrees by which edges turn at most where vertices slide along a border: with more, these leave its bends.
@@ -238,7 +235,7 @@ def _narrowing(borders: Borders, outline: Outline) -> Bools:
     is_last = np.searchsorted(around, around, "right") == number + 1
     after = order[np.where(is_last, np.searchsorted(around, around), np.minimum(number + 1, number[-1]))]
     angle, cut = (np.angle(each[after] / each[order]) for each in (way, chord))
-    is_sharp = inside[order] & (cut < angle) & (np.abs(cut) < np.arcsin(_SHARP))
+    is_sharp = inside[order] & (cut < angle) & (np.abs(cut) < np.arcsin(Spacing.of(outline).near))
     both = np.append(order[is_sharp], after[is_sharp])
     narrowing[edge[both]] = np.abs(np.angle(chord[both] / way[both])) > _CUT
     return narrowing
@@ -248,7 +245,7 @@ def _meet_sharply(
     borders: Borders, chains: _Chains, lengths: Floats, point: Indices, edge: Indices, gaps: Floats
 ) -> Bools:
     """Tell which vertices (P,), at gaps from edges (P,), are near to a sharp corner where both their lines end."""
-    points, ends = borders.points, chains.outline.ends
+    points, ends, near = borders.points, chains.outline.ends, Spacing.of(chains.outline).near
     lines = np.full(len(points), -1)
     lines[chains.vertices[chains.inner]] = chains.of_line[chains.inner]
     joined = EdgeTable(ends, len(points))
@@ -259,6 +256,6 @@ def _meet_sharply(
         is_joined = joined.find(np.stack([point, corner], axis=1)) >= 0
         meets = np.where(of_point < 0, is_joined, (ends[of_point] == corner[:, None]).any(axis=1))
         way = np.linalg.norm(points[point] - points[corner], axis=1)
-        # Farther away, shorter edges do not move what is narrow nearer to the corner.
-        sharp |= meets & (of_point != of_edge) & (gaps < _SHARP * way) & (way < 5 * lengths[edge])
+        # Seen along an edge, it is near; farther away, shorter edges do not move what is narrow nearer to the corner.
+        sharp |= meets & (of_point != of_edge) & (gaps < near * way) & (way < 5 * lengths[edge])
     return sharp

@@ -24,7 +24,7 @@ from cvtimg._shared.types import ImageLike, Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
 from cvtimg.meshes.mending import mend
-from cvtimg.meshes.outlines import SMOOTHING, Outline, StraightParts, label_outline, with_points
+from cvtimg.meshes.outlines import TOLERANCE, Outline, StraightParts, label_outline, with_points
 from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
 from cvtimg.meshes.planning import Plan, Wanted, place_inside, plan_mesh
 from cvtimg.meshes.polygons import outline_of, outline_of_parts
@@ -205,7 +205,7 @@ def mesh_labels(
     size: SizeLike | None = None,
     grade: float = 0.2,
     min_size: float = 0.0,
-    tolerance: float = SMOOTHING.tolerance,
+    tolerance: float = TOLERANCE,
     order: int = 1,
     periodic: str | None = None,
     effort: str = "balanced",

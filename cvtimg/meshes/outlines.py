@@ -16,21 +16,10 @@ from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
 
-
-@dataclass(frozen=True, slots=True)
-class Smoothing:
-    """How contours of pixels are smoothed: what one pass makes shorter the next makes longer.
-
-    G. Taubin, SIGGRAPH 1995, doi 10.1145/218380.218473.
-    """
-
-    corner: float = 55.0  # contours are jagged by their pixels: at a corner they turn by more, in degrees,
-    reach: int = 4  # pixels before and after it
-    passes: int = 6
-    tolerance: float = 0.7  # how far points may move in these passes, in pixels; to move farther takes more
-
-
-SMOOTHING = Smoothing()
+#: Degrees by which contours turn at corners, since they are jagged by their pixels: with more, corners become round.
+_JAGGED = 55.0
+#: Pixels that points of contours move at most when they are smoothed: with more, contours lose their shape.
+TOLERANCE = 0.7
 #: Where a line turns by more, in degrees, at the start of a ring or between long sides, that is a corner.
 CLEAR_CORNER = 10.0
 #: A fixed point this near to a line, by the diameter of all, is on it; points as near to each other are one.
@@ -196,14 +185,14 @@ def _cut_contour(line: Points, tolerance: float) -> list[Points]:
     dense = divided_steps(line, np.maximum(np.rint(lengths), 1).astype(np.intp))[0]  # points about a pixel apart
     is_closed = bool((line[0] == line[-1]).all())
     n = len(dense) - 1
-    reach = min(SMOOTHING.reach, max(n // 3, 1)) if tolerance else 1
+    reach = min(4, max(n // 3, 1)) if tolerance else 1  # pixels before and after a corner
     at = np.arange(n) if is_closed else np.arange(1, n)
     before, after = at - reach, at + reach
     before, after = (before % n, after % n) if is_closed else (np.maximum(before, 0), np.minimum(after, n))
     turns = turns_of(dense[before], dense[at], dense[after])
     corners: list[int] = []
     for index in np.argsort(-turns, kind="stable"):
-        if turns[index] <= (SMOOTHING.corner if tolerance else 1e-6):
+        if turns[index] <= (_JAGGED if tolerance else 1e-6):
             break
         gaps = np.abs(np.array(corners, np.intp) - at[index])
         if not len(gaps) or np.minimum(gaps, n - gaps if is_closed else gaps).min() >= reach:
@@ -237,13 +226,16 @@ def divided_steps(places: Points, n_parts: Indices) -> tuple[Points, Indices]:
 
 
 def _smoothed(line: Points, tolerance: float) -> Points:
-    """Smooth a line, its ends kept; no point moves farther than `tolerance`."""
+    """Smooth a line, its ends kept; no point moves farther than `tolerance`.
+
+    What one pass makes shorter the next makes longer: G. Taubin, SIGGRAPH 1995, doi 10.1145/218380.218473.
+    """
     if not tolerance or len(line) < 3:
         return line
     is_closed = bool((line[0] == line[-1]).all())
     smooth = line.copy()
     # Points move as far as the root of the number of passes.
-    for turn in range(2 * round(SMOOTHING.passes * max(tolerance / SMOOTHING.tolerance, 1) ** 2)):
+    for turn in range(2 * round(6 * max(tolerance / TOLERANCE, 1) ** 2)):
         part = -0.53 if turn % 2 else 0.5  # of the way to the middle of its neighbors, back and forth
         if is_closed:
             ring = smooth[:-1]

@@ -10,7 +10,7 @@ from cvtimg._shared.extras import shapely
 from cvtimg._shared.types import Bools, Indices, Points
 from cvtimg.halfedges import unique_edges
 from cvtimg.meshes.areas import Areas
-from cvtimg.meshes.outlines import CLEAR_CORNER, SMOOTHING, Outline, label_outline, split_line, turns_of
+from cvtimg.meshes.outlines import CLEAR_CORNER, TOLERANCE, Outline, label_outline, split_line, turns_of
 from cvtimg.meshes.welding import Cleaning, clean
 from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
 from cvtimg.placement.polygons import SMOOTH
@@ -25,7 +25,7 @@ def outline_of(region: Region, how: Cleaning) -> Outline:
     check_that(repr(region), region.n_dims == 2, "be in the plane")
     if isinstance(region, PictureRegion):
         check_that("keep_points", not how.keep_points, "be False: contours of masks have no points to keep")
-        return label_outline(region.mask.astype(np.int32), None, SMOOTHING.tolerance)
+        return label_outline(region.mask.astype(np.int32), None, TOLERANCE)
     if isinstance(region, Box) and any(region.periodic):
         raise ValueError(f"{region!r} must not be periodic: a mesh needs a boundary")
     return outline_of_parts([region], replace(how, min_size=0.0) if isinstance(region, Box) else how)

@@ -14,9 +14,6 @@ from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.outlines import ON_LINE, Outline, StraightParts, cross
 from cvtimg.meshes.triangulation import LEAST_AREA_LEFT
 
-#: Part of an edge that bends by which its ends may be off their line: with more, it follows the line of another.
-_OFF = 0.3
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuadraticTriangles(ReadOnly):
@@ -119,7 +116,7 @@ class _Ways:
     middles: Points  # (E, 2): the places halfway between these
     off: Bools  # (E, 2): ends that are not on the line
     last: Bools  # (E, 2): ends that are ends of the line, too
-    found: Bools  # (E,): edges that follow their line
+    found: Bools  # (E,): edges that follow their line, from near to it and not by a detour, rather than that of another
     back: Bools  # (E,): edges that run against it
 
     @classmethod
@@ -147,7 +144,7 @@ class _Ways:
             at(middles),
             gaps > ON_LINE * outline.diameter,
             ((along == 0) | (along == lengths[:, None])) & ~closed[:, None],
-            (gaps <= _OFF * chords[:, None]).all(axis=1) & (np.abs(ways) <= 2 * chords),
+            (gaps <= 0.3 * chords[:, None]).all(axis=1) & (np.abs(ways) <= 2 * chords),
             ways < 0,
         )
 

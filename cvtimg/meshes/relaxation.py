@@ -17,9 +17,6 @@ from cvtimg.meshes.fields import Field
 from cvtimg.meshes.triangulation import FREE, PlaneTriangulation
 from cvtimg.placement.descent import StepMemory
 
-#: Vertices move by no more than this part of the wanted edge length at once.
-_LONGEST = 0.5
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
@@ -35,6 +32,8 @@ class _State:
 def relax(mesh: PlaneTriangulation, field: Field, *, most: int, tolerance: float) -> tuple[tuple[float, ...], bool]:
     """Move the vertices that are not fixed, `most` times at most, by limited-memory BFGS on Lloyd's steps.
 
+    None moves by more than half of the wanted edge length at once.
+
     They rest when none is farther than the part `tolerance` of the wanted edge length from its center of mass. Returns
     the energy at the start and after each move, and whether they came to rest.
     """
@@ -44,7 +43,7 @@ def relax(mesh: PlaneTriangulation, field: Field, *, most: int, tolerance: float
     rested = False
     while len(energies) <= most and not rested:
         before, pulls = mesh.points.copy(), at.masses(at.steps)
-        steps, longest = memory.step(pulls, at.to_lloyd), _LONGEST * at.sizes
+        steps, longest = memory.step(pulls, at.to_lloyd), at.sizes / 2
         mesh.move(steps * (longest / np.maximum(_lengths(steps), longest))[:, None])
         there = _state(mesh, field)
         # Where a metric is interpolated, the energy may rise a little.

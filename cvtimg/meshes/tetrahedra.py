@@ -6,6 +6,7 @@ Graphics 26 (2007) 57, doi 10.1145/1276377.1276448.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ Cells = Ints64
 #: A vertex is moved to a place where the surface cuts one of its edges, if that is nearer than this part of the edge.
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
 #: Pairs of corners of a tetrahedron; in reverse, those of the other two.
-_PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+_PAIRS = np.array([*combinations(range(4), 2)])
 #: Degrees of dihedral angles below which vertices move: with more, more do, and surfaces lose their shape.
 _NARROW = 15.0
 

@@ -29,17 +29,14 @@ from cvtimg.surfaces.triangulation import SurfaceTriangulation, split_long_edges
 
 @dataclass(frozen=True, slots=True)
 class SurfaceEffort:
-    """How long points move, and how far at once."""
+    """How long points move."""
 
     moves: int  # at most
     offset: float  # they rest when the offset is no more
-    beyond: float = 1.7  # points move by this multiple of the step to the center of mass: fewer moves than with 1,
-    last: int = 5  # moves at the end that do without
-    longest: float = 0.3  # a step is at most this part of the size of a cell, so that triangles do not turn over
-    fine: float = 0.5  # edges of the fine triangles that points are taken from, by the distances of points
-    stretch: float = 1.5  # edges that collapses make are no longer than this multiple of those that collapse
 
 
+#: Multiple of the step to the center of mass by which points move: with 1 they rest later, with more than 2 never.
+_BEYOND = 1.7
 #: The registry of efforts.
 EFFORTS: dict[str, SurfaceEffort] = {
     "fast": SurfaceEffort(50, 0.01),
@@ -115,7 +112,7 @@ def surface_points(
     apart = float(shape.triangulation.areas().sum() / (HEXAGON * 4096)) ** 0.5
     mesh = split_long_edges(shape.triangulation, ConstantDensity(apart), shape.on_surface)
     angle = 180.0 if shape.is_smooth else feature_angle
-    start, least = partial(_Start.of, shape, mesh, effort=how, density=as_density(density), angle=angle), n
+    start, least = partial(_Start.of, shape, mesh, density=as_density(density), angle=angle), n
     # With more points there may be more edges that they have to follow.
     while (chosen := start(least)).n_least > least:
         least = chosen.n_least + chosen.n_least // 50
@@ -138,12 +135,10 @@ class _Start:
     n_least: int  # how many points there have to be
 
     @classmethod
-    def of(
-        cls, surface: Surface, mesh: SurfaceTriangulation, n: int, effort: SurfaceEffort, density: Density, angle: float
-    ) -> _Start:
+    def of(cls, surface: Surface, mesh: SurfaceTriangulation, n: int, density: Density, angle: float) -> _Start:
         """Choose points by the cells of a triangulation."""
         sizes = Sizes(mesh, n, density)
-        whole = _split(surface, mesh, sizes, effort.fine)
+        whole = _split(surface, mesh, sizes)
         apart = sizes(whole.points)
         apart = apart * (n / max(n - extra_points(whole, apart), n / 2)) ** 0.5
         features = find_features(whole, angle, apart, len(surface.triangulation.triangles))
@@ -151,7 +146,7 @@ class _Start:
         fine, sites = whole.cut(features) if len(kept) else (whole, np.arange(len(whole.points)))
         goals = whole.points.copy()
         goals[kept] = surface.on_surface(places) if len(kept) else places
-        return cls(fine, sizes, goals, sites, *_collapsed(fine, apart[sites], n, kept, sites, effort))
+        return cls(fine, sizes, goals, sites, *_collapsed(fine, apart[sites], n, kept, sites))
 
 
 def _placed(surface: Surface, start: _Start, effort: SurfaceEffort) -> SurfacePoints:
@@ -166,22 +161,23 @@ def _placed(surface: Surface, start: _Start, effort: SurfaceEffort) -> SurfacePo
     return SurfacePoints(points, triangles, masses, energy, offset, n_iter)
 
 
-def _split(surface: Surface, mesh: SurfaceTriangulation, sizes: Sizes, part: float) -> SurfaceTriangulation:
-    """Split triangles until edges are shorter than this part of the distances of points."""
+def _split(surface: Surface, mesh: SurfaceTriangulation, sizes: Sizes) -> SurfaceTriangulation:
+    """Split triangles until edges are shorter than half of the distances of points."""
     # The density may vary within these triangles: what they hold is measured again on finer ones.
     for _ in range(2):
-        fine = split_long_edges(mesh, lambda places: part * sizes(places), surface.on_surface)
+        fine = split_long_edges(mesh, lambda places: sizes(places) / 2, surface.on_surface)
         if sizes.fits(fine):
             break
     return fine
 
 
 def _collapsed(
-    fine: SurfaceTriangulation, sizes: Floats, n: int, kept: Indices, sites: Indices, effort: SurfaceEffort
+    fine: SurfaceTriangulation, sizes: Floats, n: int, kept: Indices, sites: Indices
 ) -> tuple[Indices, Triangles, int]:
     """Collapse the shortest edges, of 0.4 distances and then more, until n sites are left, those kept among them.
 
-    Returns the vertices that are left, triangles of these, and how many have to be left.
+    New edges have 1.5 times the length at most. Returns the vertices that are left, triangles of these, and how many
+    have to be left.
     """
     ranks = fine.on_boundary().astype(np.uint8)
     ranks[np.isin(sites, kept)] = 2
@@ -189,14 +185,14 @@ def _collapsed(
     normals, part, most = fine.normals(), 0.4, n - len(kept)
     n_left, n_on_curves, _ = np.bincount(ranks, minlength=3)
     while (n_left > most or n_on_curves) and part < SPARSEST:
-        gone = _surfaces.collapse(mesh, normals, sizes, ranks, part, effort.stretch, max(n_left - most, 0))
+        gone = _surfaces.collapse(mesh, normals, sizes, ranks, part, 1.5, max(n_left - most, 0))
         n_left, n_on_curves = n_left - gone[0], n_on_curves - gone[1]
         mesh.flip(normals)
         part *= 1.1
     left = mesh.triangles[:, 0] >= 0
     used, corners = np.unique(mesh.triangles[left], return_inverse=True)
     if n_on_curves:  # those that one side cannot do without stay on all
-        return _collapsed(fine, sizes, n, np.union1d(kept, sites[used[ranks[used] == 1]]), sites, effort)
+        return _collapsed(fine, sizes, n, np.union1d(kept, sites[used[ranks[used] == 1]]), sites)
     return used.astype(np.intp), corners.reshape(-1, 3).astype(np.int32), n_left + len(kept)
 
 
@@ -216,15 +212,16 @@ def _relax(surface: Surface, start: _Start, mesh: SurfaceTriangulation, effort: 
         if move % 10 == 0:
             sizes = np.sqrt(mesh.vertex_areas())
         lengths = np.linalg.norm(steps, axis=1)
-        factor = effort.beyond if move < last - effort.last else 1.0
-        share = np.minimum(factor, effort.longest * sizes / np.maximum(lengths, 1e-300))
+        factor = _BEYOND if move < last - 5 else 1.0  # at the end, cells settle
+        # By longer steps, triangles turn over.
+        share = np.minimum(factor, 0.3 * sizes / np.maximum(lengths, 1e-300))
         there, directions, near = surface.nearest(mesh.points + share[:, None] * steps, faces, fine)
         there[fixed], directions[fixed] = goals, outward
         # What a cell is off by its size; sums over the cells of folded triangles may lead anywhere.
         off = np.minimum(np.linalg.norm(there - mesh.points, axis=1) / (share * sizes), 1)
         offset = float(np.sqrt(np.mean(off**2)))
         if offset <= effort.offset:
-            last = min(last, move + effort.last)
+            last = min(last, move + 5)
         if move >= last:
             return offset, move
         # Points whose triangles would fold stay, and those around them if that folds others.

@@ -9,12 +9,14 @@ from scipy.spatial import Delaunay, cKDTree
 from cvtimg import mesh_labels, mesh_region
 from cvtimg._shared.types import Floats
 from cvtimg.halfedges import edges_around, unique_edges
-from cvtimg.meshes import EFFORTS, Mesh, MeshSize, measure_mesh, measure_triangles
+from cvtimg.meshes import EFFORTS, LocalProjection, Mesh, MeshSize, measure_mesh, measure_triangles
 from cvtimg.meshes.borders import Crowding, place_on_borders
 from cvtimg.meshes.fields import PictureField
 from cvtimg.meshes.mending import mend
-from cvtimg.meshes.outlines import label_outline
+from cvtimg.meshes.outlines import label_outline, with_points
+from cvtimg.meshes.polygons import outline_of
 from cvtimg.meshes.triangulation import FIXED, Borders, PlaneTriangulation, delaunay
+from cvtimg.meshes.welding import Cleaning
 from cvtimg.placement import Box, ImplicitRegion
 from cvtimg.sphere import earth_land
 
@@ -177,6 +179,12 @@ def test_nine_edges_of_ten_have_nearly_the_wanted_length_where_sizes_vary() -> N
     measures = mesh.measures()
     assert measures.mean_quality > 0.95
     assert measures.least_angle > 38  # since narrow triangles are smoothed in the end
+
+
+@pytest.mark.parametrize(("growth", "counts_as_one"), [(0.15, True), (0.35, False)])
+def test_where_sizes_differ_by_less_than_a_fifth_vertices_move_longer(growth: float, counts_as_one: bool) -> None:
+    mesh = mesh_region(Box([0, 0], [1, 1]), n=300, size=lambda p: 1 + growth * p[:, 0], effort="fast")
+    assert (len(mesh.energies) > 11) == counts_as_one
 
 
 def test_a_size_image_is_in_the_pixels_of_the_mask() -> None:
@@ -442,6 +450,19 @@ def test_degrees_are_meshed_in_km_also_across_the_date_line(middle: float) -> No
 
 def hexagon() -> tuple[np.ndarray, np.ndarray]:
     return np.vstack([[0, 0], ring(6)]), np.array([[0, 1 + k, 1 + (k + 1) % 6] for k in range(6)])
+
+
+def test_outlines_may_not_reach_far_around_the_globe() -> None:
+    assert LocalProjection(0, 0).to_km(np.array([[110.0, 0]])).shape == (1, 2)
+    with pytest.raises(ValueError, match="outlines must reach less far"):
+        LocalProjection(0, 0).to_km(np.array([[130.0, 0]]))
+
+
+def test_points_a_billionth_of_the_diameter_from_a_line_are_on_it() -> None:
+    outline = outline_of(Box([0, 0], [3, 4]), Cleaning())
+    parted, alone = with_points(outline, np.array([[1, 3.5e-9], [2, 8e-9]]))
+    assert len(parted.lines) == len(outline.lines) + 1
+    assert alone.tolist() == [[2, 8e-9]]
 
 
 def test_a_hexagon_of_equilateral_triangles_is_perfect() -> None:

@@ -116,6 +116,10 @@ def test_more_effort_gives_less_energy() -> None:
 
 
 @pytest.mark.slow
+def test_steps_beyond_centers_of_mass_lead_there_sooner() -> None:
+    assert surface_points(torus(), 300).n_iter < 100  # 145 by shorter steps
+
+
 def test_walks_end_at_the_nearest_points_of_a_mesh() -> None:
     mesh = torus().triangulation
     start = np.random.default_rng(0).integers(len(mesh.triangles), size=300).astype(np.int32)
