@@ -69,6 +69,7 @@ class Settings:
     flat: float = 0.6  # of their width, how deep objects of a volume of cubes are at least; below, cubes are in doubt
     clipped: float = 3.0  # noises above the ground from which on nothing is ground; more takes dim objects for it
     explained: float = 0.9  # of the variance around one generator, what two leave at most
+    doubt: float = 1.5  # of what terms of light miss, from which on contrasts count; more takes dim objects for light
     bin: float = 0.0625  # half the width of the bins of contrast in which pixels are counted
 
 
@@ -164,7 +165,7 @@ def count_objects(
     for plane, seen in zip(gray.reshape(shape), inside.reshape(shape), strict=True):
         # What does not count may hold anything.
         plane[:] = without_impulses(from_nearest(plane, seen) if seen.any() and not seen.all() else plane)
-    gray = without_light(gray, inside)
+    gray, doubt = without_light(gray, inside)
     while True:  # fields of view, one in another
         if not inside.all():
             gray[~inside] = np.median(gray[inside])
@@ -189,6 +190,8 @@ def count_objects(
             least = SETTINGS.least_size * (4 / 3 * radius**3 / size[0] if len(size) > 2 else radius**2) * np.pi
         labels = _in_tiles(contrast, inside, min_contrast or threshold, radius, size, necks)
         labels, least = sieved(labels, least)
+        if doubt is not None:
+            labels = _stronger(labels, doubt, abs(step))
         if exclude_edges:
             labels = numbers_of(~at_edges(labels))[labels]
     _warn_of_doubts(labels, inside, radius, size)
@@ -257,6 +260,14 @@ def sieved(objects: Ints, least: float | None) -> tuple[Ints, float]:
         pixels = np.cumsum(compact)
         least = float(SETTINGS.least_size * compact[np.searchsorted(pixels, pixels[-1] / 2)])
     return numbers_of(sizes >= max(least, 1))[objects], least
+
+
+def _stronger(labels: Ints, doubt: Floats32, step: float) -> Ints:
+    """Leave out what the light may be: objects of a contrast that is not above the doubts about it."""
+    from scipy.ndimage import median
+
+    is_light = SETTINGS.doubt * median(doubt, labels, range(1, int(labels.max()) + 1)) >= step
+    return numbers_of(np.append(False, ~is_light))[labels]
 
 
 def _radius(bright: Bools, size: tuple[float, ...]) -> float:

@@ -154,8 +154,11 @@ def are_bright(values: Floats32, some: Floats32 | None = None) -> Bools:
     return np.asarray(values > threshold_otsu(some, n_bins))  # type: ignore[no-untyped-call]
 
 
-def without_light(gray: Floats32, inside: Bools) -> Floats32:
+def without_light(gray: Floats32, inside: Bools) -> tuple[Floats32, Floats32 | None]:
     """Take uneven light from an image if two levels then leave less than half of what they leave of the image as it is.
+
+    Also return how far the light may be from the true one: what its terms of the highest degree add, about as much as
+    the terms that it has not would.
 
     It may be stronger than the contrast of objects, and two levels of the image are then its bright and its dark side.
     Light alone leaves what values were rounded by, which is nothing.
@@ -163,16 +166,17 @@ def without_light(gray: Floats32, inside: Bools) -> Floats32:
     from scipy.ndimage import gaussian_filter
 
     if gray.ndim != 2:
-        return gray
+        return gray, None
     smooth = gaussian_filter(np.where(inside, gray, np.median(gray[inside])), FOR_CONTRAST)
     light = _light(smooth, inside)
     uneven, even = (left_by_two(values[inside]) for values in (smooth, smooth - light))
     if 2 * even >= uneven:
-        return gray
+        return gray, None
     levels = np.unique(gray[inside])
     rounding = float(levels[-1] - levels[0]) / (len(levels) - 1)
     left = gray - light  # values are rounded by half of a level, and light is a level off at the ends
-    return left if np.ptp(left[inside]) > 3 * rounding else np.zeros_like(gray)
+    doubt = np.abs(light - _light(smooth, inside, _DEGREE - 1))
+    return left if np.ptp(left[inside]) > 3 * rounding else np.zeros_like(gray), doubt
 
 
 def left_by_two(values: Floats32) -> float:
@@ -184,15 +188,15 @@ def left_by_two(values: Floats32) -> float:
 
 
 @one_blas_thread  # for the bits must not depend on how many there are
-def _light(values: Floats32, inside: Bools) -> Floats32:
+def _light(values: Floats32, inside: Bools, degree: int = _DEGREE) -> Floats32:
     """(H, W) deviations from the median of the polynomial at the least mean distance, which objects hardly move."""
     from numpy.polynomial.polynomial import polygrid2d, polyvander2d
 
     every = max(int(np.sqrt(values.size / _ENOUGH_PIXELS)), 1)
     y, x = (every * places for places in np.nonzero(inside[::every, ::every]))
     down, right = (np.linspace(-1, 1, length) for length in values.shape)
-    is_term = np.add.outer(range(_DEGREE + 1), range(_DEGREE + 1)) <= _DEGREE
-    terms = polyvander2d(down[y], right[x], [_DEGREE, _DEGREE])[:, is_term.ravel()]
+    is_term = np.add.outer(range(degree + 1), range(degree + 1)) <= degree
+    terms = polyvander2d(down[y], right[x], [degree, degree])[:, is_term.ravel()]
     some, weights, factors = values[y, x].astype(np.float64), np.ones(len(y)), np.zeros(is_term.shape)
     for _ in range(ROUNDS):
         weighted = (terms * weights[:, None]).T

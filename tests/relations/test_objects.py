@@ -40,8 +40,10 @@ def empty(rng: np.random.Generator) -> Image:
 
 
 def light(rng: np.random.Generator) -> Image:
-    """Return light from a side alone, without noise."""
-    return rng.uniform(0, 80) + rng.uniform(20, 80) * (RIGHT * rng.uniform(0, 1) + DOWN) / SIDE
+    """Return light alone, without noise: from a side, through a lens that darkens corners, or in a wave."""
+    along = (RIGHT * rng.uniform(0, 1) + DOWN) / SIDE
+    lens = 1 / (1 + rng.uniform(0.2, 1.5) * ((DOWN / SIDE - 0.5) ** 2 + (RIGHT / SIDE - 0.5) ** 2)) ** 2
+    return rng.uniform(0, 80) + rng.uniform(20, 80) * rng.choice([along, 2 * lens, 1 + np.sin(2 * along)])
 
 
 @remembered
