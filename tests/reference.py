@@ -1,7 +1,6 @@
 """Plain NumPy oracles: slow, short and obviously right."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -159,9 +158,9 @@ def cube() -> tuple[Floats, Indices]:
     return corners, np.array([[a, b, c] for a, b, c, _ in squares] + [[a, c, d] for a, _, c, d in squares])
 
 
-def assert_the_guide_tells(page: str, efforts: Mapping[str, Any]) -> None:
-    """The table of efforts of a page has all numbers of their records."""
+def assert_the_guide_tells(page: str, efforts: Mapping[str, tuple[float, ...]]) -> None:
+    """A page has a table with these numbers of each effort."""
     lines = (Path(__file__).parents[1] / "docs" / page).read_text(encoding="utf-8").replace(",", "").splitlines()
-    for name, effort in efforts.items():
+    for name, numbers in efforts.items():
         (row,) = (line.strip("|").split("|")[1:] for line in lines if line.startswith(f"| `{name}` |"))
-        assert [float(number) for number in row] == np.hstack(astuple(effort))[: len(row)].tolist()
+        assert tuple(map(float, row)) == numbers

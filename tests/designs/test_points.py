@@ -10,7 +10,7 @@ from scipy.stats import qmc
 from cvtimg import design
 from cvtimg._shared.types import Array
 from cvtimg.designs import Design, Factor, point_measures
-from cvtimg.designs.descent import EFFORTS
+from cvtimg.designs.descent import EFFORTS, DesignEffort
 from cvtimg.designs.groups import split_evenly
 
 
@@ -229,4 +229,8 @@ def test_a_design_of_categories_alone_has_each_level_and_each_pair_equally_often
 
 
 def test_the_guide_tells_how_much_each_effort_does() -> None:
-    assert_the_guide_tells("designs.md", EFFORTS)
+    def numbers(of: DesignEffort) -> tuple[float, ...]:
+        stops = (number for stop in (of.exact, of.sampled) for number in (stop.tolerance, stop.max_iterations))
+        return of.samples, of.n_starts, *stops, of.latin_rounds, of.swaps
+
+    assert_the_guide_tells("designs.md", {name: numbers(effort) for name, effort in EFFORTS.items()})
