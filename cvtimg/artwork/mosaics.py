@@ -289,10 +289,9 @@ def mosaic(
     n_cells = check_at_least("n_cells", n_cells, least, "because a rectangle has at least two triangles")
     samples = picture.samples if picture.of_shades else picture.shares()
     bands, has_alpha = _bands(samples, space)
-    ends = [
-        _descended(bands, n_cells, shape, uniform, _STEPS[effort], callback or (lambda step, energy: None))
-        for uniform in each(_UNIFORM[shape][: 2 if n_cells <= _FEW else 1])
-    ]
+    on_step = callback or (lambda step, energy: None)
+    starts = each(_UNIFORM[shape][: 2 if n_cells <= _FEW else 1])
+    ends = [_descended(bands, n_cells, shape, uniform, _STEPS[effort], on_step) for uniform in starts]
     tiling, points, energies = min(ends, key=lambda end: min(end[2]))
     painted = paint(bands, tiling.labels(points), tiling.n_tiles)
     triangles = tiling.triangles if isinstance(tiling, DelaunayTiling) else None

@@ -128,9 +128,13 @@ class Number(Control):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice(Control):
-    """One of a few values; `choices` has each with its label."""
+    """One of a few values, by default the first; `choices` has each with its label."""
 
+    default: str = ""
     choices: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "default", self.default or next(iter(self.choices)))
 
     def parse(self, value: object) -> Any:
         if not isinstance(value, str) or value not in self.choices:

@@ -34,12 +34,8 @@ def settings_of(text: str) -> Json:
     tabs = [tab for tab in TABS.values() if verb in (tab.verb, *tab.verbs)]
     if program != "cvtimg" or not tabs:
         raise controls.UnfitRequestError(f"no tab of this page is for {program} {verb}")
-    earlier = [
-        (f"{line[1]} {flag}", value)
-        for line in before
-        if line[:1] == ["cvtimg"] and any(line[1:2] == [tab.verb] for tab in TABS.values())
-        for flag, value in _options(line[1], line[2:])
-    ]
+    known = [line for line in before if line[:1] == ["cvtimg"] and line[1:2] in ([tab.verb] for tab in TABS.values())]
+    earlier = [(f"{line[1]} {flag}", value) for line in known for flag, value in _options(line[1], line[2:])]
     # Switches first, and what is repeated last: what others mean may hang on them.
     repeated = {option.flag for option in options_of(verb) if option.many and option.words}
     options = sorted(_options(verb, words), key=lambda option: (option[1] != "", option[0] in repeated))

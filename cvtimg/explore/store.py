@@ -119,10 +119,8 @@ class Store:
         name = _plain(name)
         held = sum(file.stat().st_size for file in Path(self._folder.name).iterdir() if file != self.archive)
         if held + len(content) > _MOST_SENT:
-            raise UnfitRequestError(
-                f"{name}: {_MOST_SENT / 1e9:.1f} GB are open, as much as the page takes; "
-                "Keys has Forget all, and files that are named on the command line do not count"
-            )
+            way = "Keys has Forget all, and files that are named on the command line do not count"
+            raise UnfitRequestError(f"{name}: {_MOST_SENT / 1e9:.1f} GB are open, as much as the page takes; {way}")
         path = self._stored(name, content)
         try:
             return self._opened(name, path)
@@ -160,9 +158,8 @@ class Store:
             raise UnfitRequestError(_reason(path, error, name)) from error
         with self._lock:
             self._entries[key], self._pictures[key] = entry, picture
-            while len(held := self._pictures) > 1 and (
-                len(held) > _MOST_PICTURES or sum(math.prod(one.size) for one in held.values()) > HELD_PIXELS
-            ):
+            held, n_pixels = self._pictures, [math.prod(opened.size) for opened in self._pictures.values()]
+            while len(held) > _MOST_PICTURES or (len(held) > 1 and sum(n_pixels[-len(held) :]) > HELD_PIXELS):
                 held.popitem(last=False)[1].close(wait_for=False)
         return picture
 

@@ -25,7 +25,7 @@ class StippleTab(Tab):
     arguments: ClassVar[Mapping[str, str]] = {"radius_range": "limited"}
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "stipple",
-        Choice(name="by", label="Dots by", default="n", choices={"n": "their number", "pen": "the width of the pen"}),
+        Choice(name="by", label="Dots by", choices={"n": "their number", "pen": "the width of the pen"}),
         ("number", {"name": "n_dots", "always": False, "when": {"by": ["n"]}}),
         ("pen", {"when": {"by": ["pen"]}, "always": True, "keyword": ""}),
         ("dots", {"when": {"by": ["n"]}}),  # those of a pen are of one size
@@ -111,7 +111,7 @@ class MosaicTab(Tab):
         "mosaic",
         ("number", {"name": "n_cells", "keyword": "", "room": 16}),
         "shape",
-        Choice(name="limit", label="Colors", default="all", choices={"all": "one for each tile", "few": "only a few"}),
+        Choice(name="limit", label="Colors", choices={"all": "one for each tile", "few": "only a few"}),
         ("palette", {"when": {"limit": ["few"]}, "always": True}),
         "outline",
         "space",

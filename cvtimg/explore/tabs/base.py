@@ -143,14 +143,14 @@ class Tab:
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
         inputs = [] if self.sheet else request.source.words
-        brushes = self.brushed(request)
-        maps = [word for one in brushes for word in (one.flag, safe_name(one.pattern.format(request.stem)))]
+        files = {brush.flag: brush.pattern.format(request.stem) for brush in self.brushed(request)}
+        maps = [word for flag, name in files.items() for word in (flag, safe_name(name))]
         return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings), *maps]
 
     def brushed(self, request: Request) -> list[Brushed]:
         """Return the controls by which something is drawn by brush."""
         controls = active(self.controls, request.settings)
-        return [one for one in controls if isinstance(one, Brushed) and request.settings[one.name]]
+        return [brush for brush in controls if isinstance(brush, Brushed) and request.settings[brush.name]]
 
     def maps(self, request: Request) -> list[Line]:
         """Return the lines that read the (H, W) images that are drawn by brush."""

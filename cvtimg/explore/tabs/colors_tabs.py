@@ -15,19 +15,8 @@ from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
-from cvtimg.explore.controls import (
-    Brushed,
-    Choice,
-    Colors,
-    Control,
-    Files,
-    Settings,
-    Swatches,
-    UnfitRequestError,
-    controls_of,
-    number,
-    words_of,
-)
+from cvtimg.explore import controls as kinds
+from cvtimg.explore.controls import Control, Settings, UnfitRequestError, controls_of, number, words_of
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.outcomes import Code, Line, Outcome, Output, Recipe, call, evaluated
 from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, Request, Tab, all_of, missing, reading
@@ -72,10 +61,9 @@ class ColorsTab(Tab):
     compared = IMAGE
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "quantize",
-        Choice(
+        kinds.Choice(
             name="aim",
             label="Choose by",
-            default="k",
             choices={
                 "k": "number of colors",
                 "auto": "elbow of the energy",
@@ -87,7 +75,7 @@ class ColorsTab(Tab):
         ("number", {"name": "k", "when": {"aim": ["k"]}, "auto": False, "keyword": ""}),
         ("psnr", {"when": {"aim": ["psnr"]}}),
         ("max_bytes", {"when": {"aim": ["max_bytes"]}, "to": lambda kilobytes: 1000 * kilobytes}),
-        Files(
+        kinds.Files(
             name="palette",
             label="Palette",
             of="palettes",
@@ -97,7 +85,7 @@ class ColorsTab(Tab):
         "space",
         "dither",
         ("dither_strength", {"name": "strength", "default": STRENGTH, "always": False, "flag": "", "keyword": ""}),
-        Colors(
+        kinds.Colors(
             name="locked",
             label="Locked colors",
             flag="--lock",
@@ -109,7 +97,7 @@ class ColorsTab(Tab):
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
         replace(BRUSH, label="Mask, weights", only="images"),
         MASK,
-        Brushed(
+        kinds.Brushed(
             name="weights",
             label="Weights",
             flag="--weight-map",
@@ -272,10 +260,9 @@ class PaletteTab(Tab):
     controls: ClassVar[tuple[Control, ...]] = (
         *controls_of(
             "palette",
-            Choice(
+            kinds.Choice(
                 name="start",
                 label="Colors",
-                default="image",
                 choices={
                     "image": "of the image, least error",
                     "main": "of the image, main ones",
@@ -284,17 +271,17 @@ class PaletteTab(Tab):
                 },
             ),
             ("number", {"name": "k", "when": _FOUND, "label": "Number", "keyword": ""}),
-            Files(name="palette", label="Palette", of="palettes", default=("pico-8",), when={"start": ["given"]}),
+            kinds.Files(name="palette", label="Palette", of="palettes", default=("pico-8",), when={"start": ["given"]}),
             ("sort", {"when": _FOUND}),
             ("space", {"when": {"start": ["image"]}}),
-            Colors(
+            kinds.Colors(
                 name="locked",
                 label="Locked colors",
                 flag="--lock",
                 when=_FOUND,
                 about="Kept as they are; the others are found around them.",
             ),
-            Swatches(name="colors", label="Colors", when={"start": ["hand"]}),
+            kinds.Swatches(name="colors", label="Colors", when={"start": ["hand"]}),
         ),
         *controls_of("quantize", ("ramp", {"when": _GIVEN}), ("dither", {"when": _GIVEN})),
     )

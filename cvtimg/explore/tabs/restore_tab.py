@@ -39,7 +39,6 @@ class RestoreTab(Tab):
         Choice(
             name="way",
             label="Restore",
-            default="auto",
             choices={"auto": "what the image shows", "detail": "a photograph, with its detail", "flat": "flat colors"},
             about="Photographs get their detail back; drawings in few colors stay flat.",
         ),

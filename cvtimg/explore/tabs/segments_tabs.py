@@ -11,17 +11,8 @@ import numpy as np
 from cvtimg._shared.budgets import ENOUGH_SAMPLES
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing
-from cvtimg.explore.controls import (
-    Choice,
-    Control,
-    Edits,
-    Settings,
-    Switches,
-    UnfitRequestError,
-    controls_of,
-    number,
-    words_of,
-)
+from cvtimg.explore import controls as kinds
+from cvtimg.explore.controls import Control, Settings, UnfitRequestError, controls_of, number, words_of
 from cvtimg.explore.layers import Drawing, Indexed, Layer
 from cvtimg.explore.outcomes import Code, Line, Outcome, Output, Recipe, call, evaluated, literal, run, safe_name
 from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, WRITE_IMAGE, Request, Tab, visible
@@ -52,10 +43,9 @@ class SegmentsTab(Tab):
     most_drafted = ENOUGH_SAMPLES
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "segment",
-        Switches(
+        kinds.Switches(
             name="way",
             label="Divide into",
-            default="hierarchy",
             none="segments",
             choices={
                 "hierarchy": "connected regions",
@@ -74,10 +64,9 @@ class SegmentsTab(Tab):
         *((name, {"keyword": name}) for name in ("diameter", "min_contrast", "exclude_edges")),
         "no_split",
         ("neck_depth", {"name": "necks", "default": "auto", "auto": True, "when": {"no_split": [False]}}),
-        Switches(
+        kinds.Switches(
             name="pieces",
             label="Pieces",
-            default="together",
             none="together",
             choices={"together": "together", "components": "each a segment", "objects": "objects, background"},
             about="Whether pieces of one color that do not touch are one segment.",
@@ -88,7 +77,7 @@ class SegmentsTab(Tab):
         ("space", {"when": {"way": ["segments", "superpixels"]}}),
         ("space", {"name": "tree_space", "default": "lab", "when": _REGIONS["when"]}),
         ("effort", {"when": _SEGMENTS}),
-        Edits(
+        kinds.Edits(
             name="edits",
             label="By hand",
             flag="--edit",
@@ -192,18 +181,13 @@ class MeshTab(Tab):
     most_drafted = ENOUGH_SAMPLES
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mesh",
-        Choice(
-            name="of",
-            label="Mesh",
-            default="segments",
-            choices={"segments": "its segments", "picture": "mask or labels"},
-        ),
+        kinds.Choice(name="of", label="Mesh", choices={"segments": "its segments", "picture": "mask or labels"}),
         *controls_of(
             "segment",
             ("number", {**_BEFORE, "name": "k", "default": 3, "auto": False, "high": 255}),
             ("min_size", {**_BEFORE, "name": "least", "default": 500, "keyword": ""}),
         ),
-        Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
+        kinds.Choice(name="by", label="Sizes by", choices={"n": "vertices", "edge": "edge length"}),
         ("n", {"when": {"by": ["n"]}, "always": False, "room": 4}),
         ("edge_length", {"when": {"by": ["edge"]}}),
         "grade",

@@ -52,7 +52,7 @@ class SphereTab(Tab):
     most_drafted = 2562
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "sphere",
-        Choice(name="by", label="Sizes by", default="n", choices={"n": "number of points", "width": "width of cells"}),
+        Choice(name="by", label="Sizes by", choices={"n": "number of points", "width": "width of cells"}),
         ("number", {"name": "n", "when": {"by": ["n"]}}),
         ("cell_width", {"when": {"by": ["width"]}}),
         Table(
@@ -122,7 +122,7 @@ class DesignTab(Tab):
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "design",
         ("number", {"name": "n"}),
-        Choice(name="box", label="Box", default="cube", choices={"cube": "unit cube", "axes": "named axes"}),
+        Choice(name="box", label="Box", choices={"cube": "unit cube", "axes": "named axes"}),
         ("dimensions", {"when": {"box": ["cube"]}}),
         Table(
             name="axes",
