@@ -39,7 +39,8 @@ def dotted(n_dots: int | None = 9, **options: Any) -> Callable[[], Any]:
         (dotted(None, dot_diameter=2, dots="sized"), "dots of one size"),
         (dotted(pens=["#fff"]), "must not be white"),
         (dotted(pens=["blood"]), "'blood' must be a color"),
-        (dotted(pens=["red", "#f00"]), "pens must be different colors"),
+        (dotted(pens=["red", "#f00"] * 6), "pens must be different colors"),
+        (dotted(pens=["red"] * 13), "pens must be 1 to 12 colors"),
         (dotted(pens=["red"], layers="cmyk"), "pens takes no layers"),
         *(
             (lambda each=each, scale=scale: each.draw(scale=scale), "scale=")

@@ -219,6 +219,13 @@ def test_efforts_are_numbers_of_steps(effort: Any, n_steps: int) -> None:
     assert len(cvtimg.mosaic(PHOTO[:9, :9], 3, effort=effort).energies) == n_steps + 1
 
 
+@pytest.mark.parametrize(("n_cells", "n_starts"), [(64, 2), (65, 1)])
+def test_few_cells_begin_twice(n_cells: int, n_starts: int) -> None:
+    steps: list[int] = []
+    cvtimg.mosaic(PHOTO[:40, :40], n_cells, effort="fast", callback=lambda step, energy: steps.append(step))
+    assert steps == n_starts * list(range(26))
+
+
 def test_relocation_lowers_the_error_of_a_mosaic(monkeypatch):
     image = cvtimg.read_image(SAMPLES / "bone_texture.png")[::2, ::2]
     relocated = cvtimg.mosaic(image, 300).energy

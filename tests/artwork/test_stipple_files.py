@@ -83,8 +83,17 @@ def test_spirals_fill_disks_by_the_line_of_the_pen_and_stay_in_them(tmp_path: Pa
         reach = np.hypot(*turns.T)
         assert reach.max() == pytest.approx(radius - 0.25, abs=2e-3)
         assert np.hypot(*np.diff(turns, axis=0).T).sum() * 0.5 == pytest.approx(np.pi * radius**2, rel=0.25)
+        off = np.square(turns[-1] - turns[-2]).sum() / (8 * reach[-1])  # a straight step, from its arc
+        assert 0.013 < off < 0.021
         to_next = np.hypot(*(point + turns[-1] - after))  # it ends on the side of the next
         assert to_next == pytest.approx(abs(gap - reach[-1]), abs=5e-3)
+
+
+def test_lines_are_three_tenths_of_a_millimeter_wide_and_those_of_cells_one(tmp_path: Path) -> None:
+    STIPPLES.save(tmp_path / "a.svg", marks="circles")
+    STIPPLES.save_cells(tmp_path / "b.svg")
+    layers = [ElementTree.parse(tmp_path / name).getroot()[0] for name in ("a.svg", "b.svg")]
+    assert [layer.get("stroke-width") for layer in layers] == ["0.3", "0.1"]
 
 
 def test_the_frame_cuts_dots_that_may_bleed_only() -> None:

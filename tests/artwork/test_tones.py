@@ -38,6 +38,11 @@ def test_inverted_ink_is_the_light_and_the_cutoff_clears_light_tones_alone() -> 
     assert np.array_equal(cut, np.where(plain <= 0.6, 0, plain))
 
 
+def test_a_light_drawing_of_all_shades_has_ink_on_about_a_third_of_the_paper() -> None:
+    ramp = np.tile(np.arange(256, dtype=np.uint8), (4, 1))
+    assert ink_coverage(ramp, tones="light").mean() == pytest.approx(0.38, abs=0.03)
+
+
 @pytest.mark.parametrize("coverage", [0.3, 0.9, 0.95, 0.99])
 def test_a_lattice_of_disks_of_this_area_covers_the_share(coverage: float) -> None:
     spacing = 20.0

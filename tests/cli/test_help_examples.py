@@ -13,8 +13,9 @@ import tifffile
 from commands import SAMPLES
 from PIL import Image
 
+from cvtimg.cli import cluster_command, palette_command
 from cvtimg.cli.app import main
-from cvtimg.cli.overview import COMMANDS
+from cvtimg.cli.overview import COMMANDS, whole_help_of
 
 pytestmark = pytest.mark.timeout(300)
 #: Largest count of points, dots or colors that is run; results are as right with fewer.
@@ -116,3 +117,8 @@ def test_each_example_in_the_help_runs(
     for words in examples(verb):
         common = [] if verb == "explore" else ["--overwrite"]
         assert main([*smaller(words), *common]) == 0, (words, capsys.readouterr().err)
+
+
+def test_help_tells_numbers_that_are_not_options() -> None:
+    assert f"up to {cluster_command._SILHOUETTE_ROWS:,} rows" in " ".join(whole_help_of("cluster").split())
+    assert f"at most {palette_command._MOST_OWN} colors" in " ".join(whole_help_of("palette").split())

@@ -37,6 +37,7 @@ from cvtimg.explore import TABS, serve, store
 from cvtimg.explore.app import STATIC, Server
 from cvtimg.explore.controls import parse_settings
 from cvtimg.explore.guard import SESSION, Credentials
+from cvtimg.explore.opened import HELD_PIXELS, MOST_PIXELS
 from cvtimg.explore.tabs.base import Request
 
 OWN = Credentials(8123, "right")
@@ -267,6 +268,14 @@ def test_pixels_are_limited_by_the_memory_there_is(page: TestClient, monkeypatch
     answer = page.post("/picture", params={"name": "a.png"}, content=png(np.zeros((2000, 1300))))
     assert answer.status_code == 422
     assert "2,600,000 pixels; the page takes up to 2,500,000" in answer.text
+
+
+def test_limits_are_those_that_the_documentation_tells() -> None:
+    text = " ".join((Path(__file__).parents[2] / "docs" / "explore.md").read_text().split())
+    assert f"up to {MOST_PIXELS / 1e6:.0f} million pixels" in text
+    assert f"The {dict.fromkeys([12], 'twelve')[store._MOST_PICTURES]} most recently" in text
+    assert f"of up to {HELD_PIXELS / 1e6:.0f} megapixels together" in text
+    assert f"{store.MOST_BYTES / 1e6:.0f} MB each and {store._MOST_SENT / 1e9:.1f} GB in total" in text
 
 
 def test_what_is_kept_can_be_forgotten(page: TestClient, server: Server) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import find_contours
-from cvtimg.plotting import draw_sheet
+from cvtimg.plotting import charts, draw_sheet
 from cvtimg.plotting.sheets import CHECKERS, contour_drawing, draw_edges
 
 Bytes = NDArray[np.uint8]
@@ -29,6 +29,12 @@ def test_a_sheet_has_all_images_and_captions_and_stretches_a_row_alike() -> None
     assert content.count("<image") == 3
     sheet = np.asarray(Image.open(BytesIO(draw_sheet([[(deep, ""), (deep // 2, "")]], ".png"))).convert("L"))
     assert {0, 128} < set(np.unique(sheet))
+
+
+def test_charts_have_150_dots_per_inch_and_say_how_much_they_draw() -> None:
+    assert Image.open(BytesIO(charts.draw_spectrum(np.ones(3), 1.0, ".png"))).size == (900, 540)
+    assert f"more than {charts.MOST_AXES} axes the first {charts.MOST_AXES}" in str(charts.draw_pairs.__doc__)
+    assert f"more than {charts._MANY:,} rows" in str(charts.draw_clusters.__doc__)
 
 
 # Edges over a picture

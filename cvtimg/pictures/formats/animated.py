@@ -18,8 +18,7 @@ from cvtimg._shared.choices import Arguments
 from cvtimg._shared.types import Array, Bools, Bytes
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.pictures.formats.opening import PNG_MAGIC
-from cvtimg.pictures.formats.png_chunks import chunk, chunks_of
+from cvtimg.pictures.formats.png_chunks import PNG_MAGIC, chunk, chunks_of
 
 _MOST = 0xFFFF  # of two bytes
 # Of GIF: what begins a block, and ways to dispose of a frame before the next.

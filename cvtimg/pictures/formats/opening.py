@@ -26,12 +26,10 @@ from cvtimg.files.remote import check_name, local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.converted import AS_TIFF, RAW_SUFFIXES, developed
 from cvtimg.pictures.formats.pixel_size import PixelSize
-from cvtimg.pictures.formats.png_chunks import read_more, without_damage
+from cvtimg.pictures.formats.png_chunks import PNG_MAGIC, read_more, without_damage
 
 #: Formats with frames; those of other formats are pages.
 ANIMATED = ("GIF", "PNG", "WEBP")
-#: First bytes of every PNG.
-PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 #: What is said of files that are no images, by suffix.
 _OTHER_FILES = {
     ".csv .tsv .parquet .feather .arrow .xlsx": "is a table and not an image; cvtimg cluster {0} -k auto reads it",

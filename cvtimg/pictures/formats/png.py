@@ -14,8 +14,8 @@ from PIL.PngImagePlugin import PngImageFile
 
 from cvtimg._shared.types import Array, Bytes, Ints64
 from cvtimg.pictures.formats.arrays import upright
-from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
-from cvtimg.pictures.formats.png_chunks import chunk, chunks_of, described
+from cvtimg.pictures.formats.opening import orientation
+from cvtimg.pictures.formats.png_chunks import PNG_MAGIC, chunk, chunks_of, described
 from cvtimg.pictures.profiles import convert_deep
 
 

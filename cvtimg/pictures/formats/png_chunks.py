@@ -18,7 +18,8 @@ from cvtimg._shared.types import Array, Floats
 
 Light = Callable[[Array], Array]
 
-_SIGNATURE = 8
+#: First bytes of every PNG.
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 #: Chromaticities x, y of white, red, green and blue, by their numbers in ITU-T H.273; white is D65 in all.
 _D65 = (0.3127, 0.329)
 _PRIMARIES = {
@@ -114,7 +115,7 @@ def chunks_of(png: bytes) -> list[tuple[bytes, bytes]]:
 
 def _places(file: BinaryIO) -> Iterator[tuple[bytes, int, int]]:
     """Yield the name, place and length of each chunk; the file is where its data begin."""
-    start = _SIGNATURE
+    start = len(PNG_MAGIC)
     while True:
         file.seek(start)
         head = file.read(8)
