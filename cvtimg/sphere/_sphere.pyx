@@ -170,25 +170,21 @@ def move(
                 there[i, k] /= length
 
 
-def find_corners(mesh, double least_cosine, double largest_cosine, uint8_t[::1] out, Py_ssize_t start, Py_ssize_t stop):
-    """Mark triangles (T,) with angles out of bounds; return how many."""
+def find_corners(mesh, double least_cosine, double largest_cosine, uint8_t[::1] out, Py_ssize_t first):
+    """Mark triangles from `first` on (T,) with angles out of bounds."""
     cdef half_edges c_mesh = seen(mesh)
-    cdef int32_t t
-    cdef Py_ssize_t n_out = 0
+    cdef Py_ssize_t i
     with nogil:
-        for t in range(<int32_t>start, <int32_t>stop):
-            out[t] = add_corner_slopes(&c_mesh, t, least_cosine, largest_cosine, NULL)
-            n_out += out[t]
-    return n_out
+        for i in range(out.shape[0]):
+            out[i] = add_corner_slopes(&c_mesh, <int32_t>(first + i), least_cosine, largest_cosine, NULL)
 
 
-def sum_corner_slopes(mesh, double least_cosine, double largest_cosine, const uint8_t[::1] out):
-    """Sum the slopes (N, 3) of what angles out of bounds cost, in triangles that are marked (T,)."""
+def sum_corner_slopes(mesh, double least_cosine, double largest_cosine, const int32_t[::1] out):
+    """Sum the slopes (N, 3) of what angles out of bounds cost in some triangles (T,)."""
     cdef half_edges c_mesh = seen(mesh)
     cdef double[:, ::1] slopes = np.zeros(mesh.points.shape)
-    cdef int32_t t
+    cdef Py_ssize_t i
     with nogil:
-        for t in range(<int32_t>out.shape[0]):
-            if out[t]:
-                add_corner_slopes(&c_mesh, t, least_cosine, largest_cosine, &slopes[0, 0])
+        for i in range(out.shape[0]):
+            add_corner_slopes(&c_mesh, out[i], least_cosine, largest_cosine, &slopes[0, 0])
     return np.asarray(slopes)

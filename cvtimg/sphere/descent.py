@@ -8,10 +8,10 @@ import numpy as np
 
 import cvtimg.sphere._sphere as _sphere
 from cvtimg._shared.iteration import Watch
-from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Bools, Floats, Points
+from cvtimg._shared.threads import in_parts, in_stripes
+from cvtimg._shared.types import Bools, Floats, Ints, Points
 from cvtimg.placement.descent import Projection, StepMemory
-from cvtimg.sphere.triangulation import WORK, Cells, SphereTriangulation, SumCells, counted, unit
+from cvtimg.sphere.triangulation import WORK, Cells, SphereTriangulation, SumCells, unit
 
 #: Sizes of its cell that a point moves at most: with more, more moves turn triangles over and are halved.
 _LONGEST = 0.3
@@ -23,6 +23,8 @@ _WORSE = 2.0
 BOUNDS = (49.0, 77.0)
 #: Degrees beyond a bound that count as within, as pushed angles hardly reach it: with more, polishing ends sooner.
 _NEAR = 0.1
+#: Triangles of a stripe in which angles are looked at.
+_ROWS = 1 << 14
 #: Step length of polishing per unit slope of what angles cost, in areas of cells, and the longest step, in their sizes.
 _RATE, _LONGEST_POLISHING = 0.25, 0.05
 
@@ -101,13 +103,21 @@ def polish_angles(
 
     Cells have `sizes` (N,), the roots of their areas. It ends when all angles are within bounds or near to them.
     """
-    cosines, out = np.cos(np.radians(bounds[::-1])), np.empty(len(mesh.triangles), np.uint8)
+    cosines = np.cos(np.radians(bounds[::-1]))
     ends = np.cos(np.radians([bounds[1] + _NEAR, bounds[0] - _NEAR]))
+    n_triangles = len(mesh.triangles)
+
+    def find_out(rows: slice) -> Ints:
+        marks = np.empty(rows.stop - rows.start, np.uint8)
+        _sphere.find_corners(mesh, *ends, marks, rows.start)
+        return np.flatnonzero(marks).astype(np.int32) + np.int32(rows.start)
+
     for _ in range(most):
-        if not counted(partial(_sphere.find_corners, mesh, *ends, out), len(out)):
+        out = np.concatenate(in_stripes(find_out, n_triangles, WORK * n_triangles, _ROWS))
+        if not len(out):
             return
         slopes = _sphere.sum_corner_slopes(mesh, *cosines, out)
-        moving = np.unique(mesh.triangles[out.view(np.bool_)])
+        moving = np.unique(mesh.triangles[out])
         if free is not None:
             moving = moving[free[moving]]
         step = (-_RATE * sizes[moving] ** 2)[:, None] * slopes[moving]

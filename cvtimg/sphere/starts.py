@@ -67,23 +67,22 @@ def in_order(mesh: SphereTriangulation) -> SphereTriangulation:
 def without(mesh: SphereTriangulation, n_surplus: int, rng: np.random.Generator) -> SphereTriangulation:
     """Leave out some points, far from each other; a neighbor takes the triangles of each, and edges flip."""
     points, direction = mesh.points, rng.normal(size=3)
-    corners, twins = mesh.triangles.ravel(), mesh.twins.ravel().copy()
-    stays, end = np.ones(len(points), bool), np.arange(len(points))
+    triangles, twins = mesh.triangles.copy(), mesh.twins.ravel().copy()
+    corners, stays, is_left = triangles.ravel(), np.ones(len(points), bool), np.ones(len(triangles), bool)
     farness = points @ direction
     for _ in range(n_surplus):
         point = int(farness.argmax())
-        corner = int((corners == point).argmax())
-        neighbor = corner + (1, -1, -2)[corner % 3]
-        stays[point], end[point] = False, corners[neighbor]
-        edge = corner - (corner % 3 == 1)
+        around = np.flatnonzero(corners == point)
+        corner = int(around[0])
+        stays[point], corners[around] = False, corners[corner + (1, -1, -2)[corner % 3]]
+        edge = corner - (corner % 3 == 1)  # to that neighbor, or from it
         for side in (edge, twins[edge]):  # whose triangle is left out: its other two edges become one
             first, second = twins[3 * (side // 3) + (side % 3 + np.array([1, 2])) % 3]
-            twins[first], twins[second] = second, first
+            twins[first], twins[second], is_left[side // 3] = second, first, False
         farness = np.minimum(farness, -(points @ points[point]))
-    triangles = (np.cumsum(stays) - 1)[end[mesh.triangles]].astype(np.int32)
-    is_left = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    place = np.cumsum(is_left, dtype=np.int32) - 1
-    merged = SphereTriangulation(points[stays], triangles[is_left], _renumbered(twins.reshape(-1, 3)[is_left], place))
+    number, place = (np.cumsum(some, dtype=np.int32) - 1 for some in (stays, is_left))
+    beside = _renumbered(twins.reshape(-1, 3)[is_left], place)
+    merged = SphereTriangulation(points[stays], number[triangles[is_left]], beside)
     merged.replace(merged.points)
     return merged
 
