@@ -296,10 +296,7 @@ def test_corners_of_labels_are_kept_and_disks_stay_round() -> None:
     ("arguments", "message"),
     [
         ({"region": [[0, 0], [2, 2], [2, 0], [0, 2]], "n": 9}, "cross themselves"),
-        (
-            {"region": [[[0, 0], [9, 0], [0, 9]], [[1, 1], [4, 1], [4, 2]], [[2, 1], [5, 1], [5, 2]]], "n": 9},
-            "each other",
-        ),
+        ({"region": [[[0, 0], [9, 0], [0, 9]], [[1, 1], [4, 1], [4, 2]], [[2, 1], [5, 1], [5, 2]]], "n": 9}, "other"),
         ({"region": L_SHAPE, "n": 5}, "n=5 must be at least 6"),
         ({"region": ring(200), "n": 150, "keep_points": True}, "n=150 must be at least 200, .* the border needs"),
         ({"region": np.ones((8, 8), bool), "keep_points": True}, "keep_points must be False"),
@@ -427,9 +424,7 @@ def test_too_few_vertices_for_a_jagged_border_are_warned_of() -> None:
     waves = (rng.standard_normal(k) + 1j * rng.standard_normal(k)) * np.arange(1, k + 1) ** -1.5
     far = np.fft.irfft(np.append(0, waves), 2 * k)
     coast = (1 + 0.4 * far / np.abs(far).max())[:, None] * ring(2 * k)
-    with pytest.warns(
-        UserWarning, match=r"the border needs more than n=70 vertices: the least angle is \d\.\d degrees"
-    ):
+    with pytest.warns(UserWarning, match=r"more than n=70 vertices: the least angle is \d\.\d degrees"):
         mesh_region(coast, n=70, effort="fast")
 
 
@@ -455,9 +450,8 @@ def hexagon() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_what_borders_crowd_needs_fewest_vertices_at_half_of_the_usual_distance() -> None:
-    ways = [ring(400), ring(400, 0.97)]
     with pytest.raises(ValueError, match=r"must be at least 1[01]"):  # 54 to 56, or 132 to 138, at other distances
-        mesh_region(ways, n=40)
+        mesh_region([ring(400), ring(400, 0.97)], n=40)
 
 
 def test_outlines_may_not_reach_far_around_the_globe() -> None:
@@ -540,9 +534,8 @@ def test_all_vertices_on_periodic_sides_are_in_pairs(edge_length: float) -> None
 def test_periodic_sides_may_bend_and_have_six_nodes() -> None:
     y = np.linspace(0, 1, 40)
     wave = np.stack([0.15 * np.sin(2 * np.pi * y), y], axis=1)
-    mesh = mesh_region(
-        np.concatenate([wave[::-1], wave + np.array([1.5, 0])]), n=120, periodic="x", order=2, effort="fast"
-    )
+    sides = np.concatenate([wave[::-1], wave + np.array([1.5, 0])])
+    mesh = mesh_region(sides, n=120, periodic="x", order=2, effort="fast")
     assert shifts(mesh) == {(1.5, 0)}
     assert mesh.quadratic is not None
     assert mesh.quadratic.pairs is not None

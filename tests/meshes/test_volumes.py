@@ -12,11 +12,7 @@ from cvtimg.meshes.tetrahedra import dihedral_angles, pinched, stuff, widened
 def shapes(side: int = 32) -> dict[str, Bools]:
     z, y, x = ((np.mgrid[:side, :side, :side] + 0.5) / side * 2 - 1)[:]
     turns = 2 * np.pi / 1.6
-    waves = (
-        np.sin(turns * x) * np.cos(turns * y)
-        + np.sin(turns * y) * np.cos(turns * z)
-        + np.sin(turns * z) * np.cos(turns * x)
-    )
+    waves = np.sum([np.sin(turns * a) * np.cos(turns * b) for a, b in ((x, y), (y, z), (z, x))], axis=0)
     return {
         "sphere": x * x + y * y + z * z < 0.64,
         "torus": (np.hypot(x, y) - 0.6) ** 2 + z * z < 0.0625,
@@ -88,13 +84,12 @@ def test_points_stay_where_surfaces_would_meet_themselves_and_narrow_tetrahedra_
 
 def test_regular_tetrahedra_have_quality_1() -> None:
     corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    mesh = VolumeMesh(corners, np.array([[0, 1, 3, 2]], np.int32), np.ones(1, np.int32), None)
+    cell, tag = np.arange(4, dtype=np.int32)[None], np.ones(1, np.int32)
+    mesh = VolumeMesh(corners, cell[:, [0, 1, 3, 2]], tag, None)
     assert mesh.measures().mean_quality == pytest.approx(1)
     assert mesh.measures().least_angle == pytest.approx(np.degrees(np.arccos(1 / 3)))
     # A corner of a cube: r = 1 / (3 + 3^(1/2)), R = 3^(1/2) / 2.
-    mesh = VolumeMesh(
-        np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]], np.int32), np.ones(1, np.int32), None
-    )
+    mesh = VolumeMesh(np.vstack([np.zeros(3), np.eye(3)]), cell, tag, None)
     assert mesh.qualities == pytest.approx(3 / (3 + 3**0.5) / (3**0.5 / 2))
 
 
