@@ -110,6 +110,8 @@ def test_designs_are_written_whole_with_a_header(tmp_path: Path) -> None:
         ({"criterion": "best"}, "criterion='best' must be one of"),
         ({"criterion": "maximin", "latin": False}, "criterion='maximin' must not be given with latin=False"),
         ({"latin": True, "density": lambda p: p[:, 0]}, "density must not be given with latin=True"),
+        ({"n_points": 1025, "latin": True, "feasible": np.isfinite}, "n_points=1025 must be at most 1024"),
+        ({"bounds": 65}, r"bounds=65 must be in 1\.\.64"),
         ({"periodic": True, "feasible": lambda p: p[:, 0] > 0}, "must not be given with periodic=True"),
         ({"feasible": lambda p: p[:, 0] > 2}, "feasible must hold for more of the box than 0 of its samples"),
         ({"feasible": lambda p: True}, r"feasible returned shape \(\)"),

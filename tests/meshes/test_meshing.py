@@ -19,7 +19,7 @@ from cvtimg.meshes.outlines import label_outline, with_points
 from cvtimg.meshes.polygons import outline_of
 from cvtimg.meshes.triangulation import FIXED, Borders, PlaneTriangulation, delaunay
 from cvtimg.meshes.welding import Cleaning
-from cvtimg.placement import Box, ImplicitRegion
+from cvtimg.placement import Box, ImplicitRegion, as_region
 from cvtimg.sphere import earth_land
 
 pytestmark = pytest.mark.filterwarnings("ignore:the border needs more than")
@@ -73,6 +73,9 @@ def test_corners_between_long_sides_are_kept_though_they_turn_little() -> None:
     mesh = mesh_region(polygon, edge_length=0.5)
     assert has_vertices(mesh, polygon)
     assert mesh.area == pytest.approx(shapely.Polygon(polygon).area)
+    for rise, n_lines in ((0.06, 4), (0.12, 5)):  # by 7 and 14 degrees
+        roof = as_region([[0, 0], [2, 0], [2, 1], [1, 1 + rise], [0, 1]])
+        assert len(outline_of(roof, Cleaning()).lines) == n_lines
 
 
 def test_vertices_slide_along_borders_but_for_corners() -> None:
