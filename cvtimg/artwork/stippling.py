@@ -128,8 +128,7 @@ def stipple(
     if pens is not None:
         check_excluded("pens", True, layers=layers)
         inked = _colors_of(pens)
-        colors = np.array(list(inked.values()), np.uint8)
-        coverages = pen_coverages(image, colors, white_cutoff, max_ink, tones)
+        coverages = pen_coverages(image, np.array([*inked.values()], np.uint8), white_cutoff, max_ink, tones)
     elif layers is not None:
         check_choice("layers", layers, ("cmyk",))
         coverages, inked = process_coverages(image, white_cutoff, max_ink, tones), _colors_of(PROCESS_COLORS)

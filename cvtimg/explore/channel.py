@@ -174,7 +174,6 @@ class Channel:
         await (self._socket.send_text(reply) if isinstance(reply, str) else self._socket.send_bytes(reply))
 
     async def _tell_shares(self, number: int, work: Work[Any]) -> None:
-        """Tell how far a search is until it ends."""
         told = 0.0
         while not (await asyncio.wait([work.result], timeout=_PATIENCE))[0]:
             if work.share > told:

@@ -290,5 +290,4 @@ def _channel_names(header: ImageInfo) -> list[str]:
 
 
 def _usual_hexes(n_channels: int) -> tuple[str, ...]:
-    """Return the usual colors of channels."""
     return tuple(f"#{bytes(tint(name)).hex()}" for name in usual_tints(n_channels))

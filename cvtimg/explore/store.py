@@ -187,7 +187,6 @@ class Store:
 
 
 def _small(picture: Picture) -> bytes:
-    """Return a small picture as PNG."""
     small = Image.fromarray(picture.seen(picture.whole(ENOUGH_SAMPLES)).pixels.squeeze())
     small.thumbnail(_SMALL)
     return encode_image(".png", np.asarray(small))

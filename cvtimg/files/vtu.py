@@ -13,22 +13,18 @@ _TYPES = {"f8": "Float64", "i4": "Int32", "u1": "UInt8"}
 
 def vtu_content(points: Floats, corners: Array, ends: Array, kind: int | Array, values: Mapping[str, Array]) -> bytes:
     """Return the content of a VTU file: corners, one cell after the other, the end of each, and their kind or kinds."""
-    arrays = {
+    arrays: dict[str, tuple[Array, int]] = {
         "points": (np.asarray(points, "<f8"), 3),
         "connectivity": (np.asarray(corners, "<i4"), 1),
         "offsets": (np.asarray(ends, "<i4"), 1),
         "types": (np.full(len(ends), kind, np.uint8), 1),
-        **{
-            name: (np.asarray(column, "<f8" if column.dtype.kind == "f" else "<i4"), 1)
-            for name, column in values.items()
-        },
     }
+    for name, column in values.items():
+        arrays[name] = np.asarray(column, "<f8" if column.dtype.kind == "f" else "<i4"), 1
     lines, blocks, offset = {}, [], 0
     for name, (array, width) in arrays.items():
-        lines[name] = (
-            f'<DataArray type="{_TYPES[array.dtype.str[1:]]}" Name="{name}" NumberOfComponents="{width}" '
-            f'format="appended" offset="{offset}"/>'
-        )
+        about = f'type="{_TYPES[array.dtype.str[1:]]}" Name="{name}" NumberOfComponents="{width}"'
+        lines[name] = f'<DataArray {about} format="appended" offset="{offset}"/>'
         block = array.tobytes()
         blocks += [np.array(len(block), "<u8").tobytes(), block]
         offset += 8 + len(block)

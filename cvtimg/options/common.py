@@ -136,8 +136,13 @@ def out_dir(help: str) -> Option:
 
 
 def file(name: str, help: str, suffixes: Any = (), *, role: str = "writes", **more: Any) -> Option:
-    """Return an option that names a file to write, or to read beside the inputs."""
+    """Return an option that names a file to write."""
     return Option(name, File(suffixes), help, role=role, **more)
+
+
+def read(name: str, help: str, suffixes: Any = (), **more: Any) -> Option:
+    """Return an option that names a file to read beside the inputs."""
+    return file(name, help, suffixes, role="reads", **more)
 
 
 def switch(name: str, help: str, **more: Any) -> Option:
@@ -174,7 +179,7 @@ READING = (
         metavar="SIZE",
     ),
 )
-MASK = file("mask", "Image of the same size (one, or one per page or frame): leave out black pixels.", role="reads")
+MASK = read("mask", "Image of the same size (one, or one per page or frame): leave out black pixels.")
 NODATA = Option(
     "nodata",
     Real(),

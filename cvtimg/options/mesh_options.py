@@ -1,7 +1,7 @@
 """Options of ``cvtimg mesh``, ``cvtimg surface`` and ``cvtimg sphere``."""
 
 from cvtimg.options import common
-from cvtimg.options.common import file, switch, text
+from cvtimg.options.common import file, read, switch, text
 from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, passed
 
 OUT_DIR = common.out_dir("Folder for outputs NAME.vtu.")
@@ -45,7 +45,7 @@ MESH = (
     passed(
         "edge_length", Real(above=0), "Edge length, in the units of the coordinates.", metavar="H", excludes=("size",)
     ).on_page("Edge length", slider=(2, 100), unit="px", default=10.0),
-    file("size", "Gray image with the length of edges at each pixel; with -n, its ratios.", role="reads"),
+    read("size", "Gray image with the length of edges at each pixel; with -n, its ratios."),
     Option("label", Whole(0), "Mesh only pixels with this label.", metavar="K"),
     passed(
         "grade", Real(above=0), "Growth of sizes for each unit of length, at most.", metavar="G", default=0.2
@@ -93,7 +93,7 @@ MESH = (
     OUT_DIR,
     switch("measures", "Report the eight measures of mesh quality."),
     file("plot", "Plot the mesh, .png or .svg, with triangles colored by quality.", common.PLOTS),
-    file("over", "Image to show below the mesh in --plot.", metavar="IMAGE", needs=("plot",), role="reads"),
+    read("over", "Image to show below the mesh in --plot.", metavar="IMAGE", needs=("plot",)),
     common.EFFORT,
     common.SEED,
     *common.READING,
@@ -146,12 +146,7 @@ SPHERE = (
         excludes=("density",),
     ).on_page("Width", slider=(60, 2000), log=True, low=60, high=5000, default=480, unit="km"),
     common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
-    file(
-        "density",
-        "Gather points where a map of the globe, twice as wide as high, is bright.",
-        metavar="IMAGE",
-        role="reads",
-    ),
+    read("density", "Gather points where a map of the globe, twice as wide as high, is bright.", metavar="IMAGE"),
     text(
         "refine",
         "Make cells RATIO times finer in a circle (all in degrees); or IMAGE,RATIO: where a map is bright. With "
@@ -159,27 +154,19 @@ SPHERE = (
         "LON,LAT,RADIUS,RATIO",
         many=True,
     ),
-    file(
+    read(
         "coast",
         "Place points on the coasts of a map with white land and black sea, or of polygons of land.",
         metavar="MASK|GEOJSON",
         excludes=("parent",),
-        role="reads",
     ),
-    file(
-        "parent",
-        "Grid (.nc or .csv) that keeps all points outside of --within.",
-        (".nc", ".csv"),
-        needs=("within",),
-        role="reads",
-    ),
+    read("parent", "Grid (.nc or .csv) that keeps all points outside of --within.", (".nc", ".csv"), needs=("within",)),
     text("within", "Circle of --parent that gets new points, in degrees.", "LON,LAT,RADIUS", needs=("parent",)),
-    file(
+    read(
         "land",
         "Remove the cells whose points are on land: a map with white land, polygons, or `earth` for coasts at 1:110 "
         "million; keep the largest sea.",
         metavar="FILE|earth",
-        role="reads",
     ),
     text(
         "strait",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, get_args
 from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg._shared.choices import DitherName, GoalName
 from cvtimg.options import common
-from cvtimg.options.common import choice, file, switch, text
+from cvtimg.options.common import choice, read, switch, text
 from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
 
 if TYPE_CHECKING:
@@ -131,11 +131,10 @@ QUANTIZE = (
     passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
         "Dither strength"
     ),
-    file(
+    read(
         "palette",
         "Use the colors of a palette file or of an image, a palette by name: cga, game-boy, nes, pico-8, web-safe; or "
         "colors as '#102030,#f0e0d0'; with -k, the best of them.",
-        role="reads",
         excludes=("number=auto", "psnr", "max_bytes", "lock", "weight_map"),
         keyword="palette",
         to=late("palettes.files", "read_palette"),
@@ -155,13 +154,7 @@ QUANTIZE = (
         metavar="N|R,G,B",
         excludes=("palette",),
     ).on_page("Hardware", default="any"),
-    file(
-        "weight_map",
-        "Gray image of the same size: the weight of each pixel.",
-        role="reads",
-        keyword="weights",
-        to=_weights,
-    ),
+    read("weight_map", "Gray image of the same size: the weight of each pixel.", keyword="weights", to=_weights),
     common.MASK._replace(keyword="mask"),
     common.NODATA._replace(keyword="nodata"),
     passed(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from cvtimg._shared.budgets import MAX_COLORS
 from cvtimg.options import common
-from cvtimg.options.common import choice, file, switch, text
+from cvtimg.options.common import choice, file, read, switch, text
 from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole, late, passed
 
 
@@ -105,12 +105,11 @@ DESIGN = (
     Option("dimensions", Whole(1, 64), "Number of axes, each from 0 to 1.", "--dimensions -d", "D").on_page(
         "Axes", slider=(1, 8), default=3
     ),
-    file(
+    read(
         "bounds",
         "Axes: a .csv file with the columns name, low and high; also kind (continuous, log, integer or a step), levels "
         "(such as A|B|C, in place of low and high) and unit.",
         (".csv",),
-        role="reads",
     ),
     Option(
         "axis",
@@ -120,12 +119,7 @@ DESIGN = (
         metavar="NAME,LOW,HIGH[,log|integer|STEP]|NAME,A|B|C",
         many=True,
     ),
-    file(
-        "existing",
-        "Points that exist, .csv or .npy: new points keep away from them.",
-        (".csv", ".tsv", ".npy"),
-        role="reads",
-    ),
+    read("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),
     common.output("Write the points, .csv or .npy; by default print them.", (".csv", ".npy")),
     passed(
         "latin",
@@ -191,11 +185,10 @@ BASIS = (
     ),
     passed("n_cells", Whole(1, MAX_COLORS), "Number of cells of --kind cvod.", "--cells", metavar="C", default=8),
     switch("uncentered", "Describe the snapshots themselves, not their differences from the mean, with --kind pod."),
-    file(
+    read(
         "weights",
         "Weight of each snapshot, with --kind pod: a number in each row.",
         (".csv", ".npy"),
-        role="reads",
         keyword="weights",
         to=late("tables.files", "read_weights"),
     ),

@@ -111,12 +111,10 @@ def draw_clusters(rows: Array, generators: Array, suffix: str) -> bytes:
     plane[:, : len(axes)] = axes[:2].T
     with figure_file(5, 5, suffix) as (figure, content):
         plot = figure.subplots()
-        for places, look in (
-            (some, {"c": labels, "s": 6, "cmap": "tab20"}),
-            (generators, {"c": "black", "marker": "x"}),
-        ):
-            x, y = ((places - middle) @ plane).T
-            plot.scatter(x, y, **look)
+        x, y = ((some - middle) @ plane).T
+        plot.scatter(x, y, c=labels, s=6, cmap="tab20")
+        x, y = ((generators - middle) @ plane).T
+        plot.scatter(x, y, c="black", marker="x")
         plot.set_xlabel(f"first principal axis, {shares[0]:.0%} of the variance")
         plot.set_ylabel(f"second, {shares[1]:.0%}")
     return content.getvalue()

@@ -18,7 +18,6 @@ _LIMITED: Json = {"flag": "", "keyword": "", "when": {"limited": [True]}}
 
 
 class StippleTab(Tab):
-    name = "stipple"
     about = "Reproduce the tones of the image with dots, for pen plotters and print."
     pace = 0.6
     most_drafted = 1 << 16
@@ -103,7 +102,6 @@ class StippleTab(Tab):
 
 
 class MosaicTab(Tab):
-    name = "mosaic"
     about = "Turn the image into tiles of one color each, whose borders follow its edges."
     pace = 1.6
     most_drafted = 1 << 16

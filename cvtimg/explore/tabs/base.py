@@ -42,7 +42,6 @@ class Request:
 
     @property
     def picture(self) -> Picture:
-        """The picture that is shown."""
         if self.opened is None:
             raise UnfitRequestError("open an image first")
         return self.opened
@@ -60,9 +59,8 @@ class Request:
 class Tab:
     """A tab of the page."""
 
-    # Its name in requests, and capitalized on the page, and a line that says what it is for.
-    name: ClassVar[str]
-    about: ClassVar[str]
+    name: ClassVar[str]  # In requests, and capitalized on the page: that of the class
+    about: ClassVar[str]  # A line that says what it is for
     verb: ClassVar[str] = ""  # The command, by default of the same name
     verbs: ClassVar[tuple[str, ...]] = ()  # Other commands that the tab shows
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
@@ -77,6 +75,7 @@ class Tab:
     tool: ClassVar[str] = ""  # What the page lets a person do on the result, by its name there
 
     def __init_subclass__(cls) -> None:
+        cls.name = cls.__name__.removesuffix("Tab").lower()
         cls.verb = cls.verb or cls.name
 
     def lines(self, request: Request) -> list[Line]:

@@ -54,7 +54,6 @@ _GIVEN = {"start": ["given", "hand"]}
 
 
 class ColorsTab(Tab):
-    name = "colors"
     about = "Reduce the image to few colors, with the least error."
     verb = "quantize"
     for_frames = True
@@ -253,7 +252,6 @@ class ColorsTab(Tab):
 
 
 class PaletteTab(Tab):
-    name = "palette"
     about = "Find, take or make a palette. Drag its colors to sort them; choose one to edit, lock or remove it."
     verbs = ("quantize",)
     most_drafted = ENOUGH_SAMPLES

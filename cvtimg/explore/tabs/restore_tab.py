@@ -22,7 +22,6 @@ _IMAGE = Code("result.with_alpha()")
 
 
 class RestoreTab(Tab):
-    name = "restore"
     about = "Restore one image from several noisy or incomplete versions of it. Open or drop all versions."
     compared = Code("result.image")
     pace = 2.2

@@ -33,7 +33,6 @@ _CELLS: Json = {"label": "Superpixels", "when": {"way": ["superpixels"]}}
 
 
 class SegmentsTab(Tab):
-    name = "segments"
     about = (
         "Divide the image into connected regions, segments of similar color, or superpixels, and change them by hand."
     )
@@ -175,7 +174,6 @@ class SegmentsTab(Tab):
 
 
 class MeshTab(Tab):
-    name = "mesh"
     about = "Divide the segments of the image, or a mask, into triangles for computations."
     pace = 3.2
     most_drafted = ENOUGH_SAMPLES

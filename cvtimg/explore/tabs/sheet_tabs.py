@@ -45,7 +45,6 @@ _CIRCLES: Json = {
 
 
 class SphereTab(Tab):
-    name = "sphere"
     about = "Cells of equal or chosen size on the globe, for models of oceans and atmospheres. Needs no image."
     sheet = (1000, 1000)
     tool = "globe"
@@ -115,7 +114,6 @@ class SphereTab(Tab):
 
 
 class DesignTab(Tab):
-    name = "design"
     about = "Place points for experiments evenly in a box. Needs no image."
     sheet = (_SIZE, _SIZE)
     most_drafted = 200
