@@ -40,17 +40,17 @@ from cvtimg.restoration.versions import Clipped, Versions, fill, fuse
 REACH = 2
 SIDE = 2 * REACH + 1
 
-#: Number of patches from which principal components are found.
+#: Patches, at least, from which principal components are found: time grows with them.
 _N_SAMPLES = 1 << 14
-#: Ratio of the noise of bands up to which it is taken for equal.
+#: Ratio of the noise of bands up to which it is taken for equal, and bands are not scaled by what is chance.
 _EQUAL = 1.25
-#: How often opponent colors count, beside lightness: they vary less, so noise hides less of what differs.
+#: Times that opponent colors count, beside lightness: they vary less, so noise hides less of what differs.
 _CHROMA = 2
-#: Covariances of the estimate, which has lost some detail, are raised by this factor.
+#: Factor of covariances of the estimate, which has lost some detail: more keeps detail, and noise.
 _GAIN = 1.1
-#: Twice, power that exceeds that of the noise by this factor is halved in the covariance of noisy patches.
+#: Times the power of the noise that is halved, twice, in the covariance of noisy patches: more takes more away.
 _BENT = 1.5
-#: Added to the variance that a filter leaves, as a share of that of the noise: none is perfect.
+#: Share of the variance of the noise added to what a filter leaves, as none is perfect: more evens weights out.
 _LEFT = 0.02
 #: Share of its mean variance that shared noise has in any direction of a patch, so that its covariance has an inverse.
 _ANYWHERE = 0.01
@@ -65,20 +65,20 @@ _STEP = 1.9
 #: megapixel takes some seconds.
 _PASSES = {"fast": (800, 80), "balanced": (600, 150, 80, 60), "best": (600, 150, 80, 60, 60)}
 _AFFORDABLE: dict[EffortName, int] = {"best": 1 << 18, "balanced": 1 << 22}
-#: Kinds of patches, before they are cut into groups.
+#: Kinds of patches, before they are cut into groups: time grows with them.
 _KINDS = 32
-#: Blur, in pixels, of the first estimate of an image.
+#: Pixels of blur of the first estimate of an image: more takes away noise and detail.
 _BLUR = 0.7
 #: Standard deviations of noise by which an estimate may be beside what is seen: one pixel in 400 is, by chance.
 _FAR = 3.0
-#: Longest side, in pixels, of the blocks in which patches are grouped, each by a thread.
+#: Pixels along the longest side of the blocks in which patches are grouped, each by a thread: memory grows with them.
 _BLOCK = 256
-#: What patches a pixel apart differ by, in standard deviations of the noise: near ones are alike.
+#: Standard deviations of the noise that patches a pixel apart differ by: more groups near ones, which are alike.
 _PLACE = 0.24
 #: Pass from which on versions that were moved keep their own pixels; the last in any case.
 _OWN = 3
-#: Blur, in pixels, over which these are compared with the first; how much what is not noise counts there, and as which
-#: part of noise it surely is not noise.
+#: Pixels of blur with which these are compared with the first; how often what is not noise counts, so that more leaves
+#: out more of what has moved; and variances of noise from which on it surely is none.
 _NEAR, _STRICT, _SURE = 1.5, 48.0, 1.5
 
 

@@ -24,7 +24,7 @@ from cvtimg.restoration.versions import Versions, fuse, stack_versions, trust_in
 
 #: Part of the time in which versions are prepared.
 _PREPARING = 0.2
-#: Blur, in pixels, which removes most of the noise.
+#: Pixels of blur, which remove most of the noise; more mix colors.
 _BLUR = 2.0
 #: A drawing has at most 12 colors in this part of the pixels, those farthest from edges, some of which are looked
 #: at. What they leave is below the variance of noise: drawings up to 0.6, photographs from 3 times that on.

@@ -23,7 +23,7 @@ from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indi
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 
-#: Side of the blocks of JPEG, and the largest of what is compressed again.
+#: Pixels along the side of the blocks of JPEG, and of what is compressed again at most: time grows with it.
 _SIDE, _LARGEST = 8, 512
 #: What is rounded for the second time loses less: this factor of its variance was lost the first time.
 _FIRST_TIME = 1.3

@@ -68,7 +68,6 @@ class Settings:
     most_cover: float = 0.9  # of what counts, by objects; above, the background is in doubt
     flat: float = 0.6  # of their width, how deep objects of a volume of cubes are at least; below, cubes are in doubt
     clipped: float = 3.0  # noises above the ground from which on nothing is ground; more takes dim objects for it
-    explained: float = 0.9  # of the variance around one generator, what two leave at most
     doubt: float = 1.5  # of what terms of light miss, from which on contrasts count; more takes dim objects for light
     bin: float = 0.0625  # half the width of the bins of contrast in which pixels are counted
 
@@ -388,7 +387,7 @@ def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats
         before, objects = objects, (beyond / spread(generators[1], some.shape) > 0.5) & counts
         if (objects != before).mean() < 1e-4:
             break
-    if generators is None or not _explains(some, generators, objects, counts, reach):
+    if generators is None:
         return np.zeros_like(image), 0.0
     planes = image.reshape(-1, *image.shape[-2:])
     blocks = [field.reshape(-1, *field.shape[-2:]) for field in generators]
@@ -397,16 +396,6 @@ def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats
         ground, above = (spread(field, plane.shape) for field in fields)
         plane[:] = (plane - ground) / above
     return image, step
-
-
-def _explains(
-    some: Floats32, generators: tuple[Floats32, Floats32], objects: Bools, counts: Bools, reach: Sequence[float]
-) -> bool:
-    """Tell whether two generators that vary across an image explain more of it than one does: of shaded noise, not."""
-    ground, above = (spread(field, some.shape) for field in generators)
-    plain = spread(local_mean(some, counts, reach, PRIOR), some.shape)
-    left, of_one = (np.square(some - mean)[counts].mean(dtype=np.float64) for mean in (ground + objects * above, plain))
-    return bool(left < SETTINGS.explained * of_one)
 
 
 def split(

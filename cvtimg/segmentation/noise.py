@@ -16,18 +16,18 @@ from scipy.ndimage import gaussian_filter
 from cvtimg._shared.threads import side_by_side
 from cvtimg._shared.types import Array, Bools, Floats, Floats32
 
-#: A Gaussian is truncated at this many standard deviations.
+#: Standard deviations at which a Gaussian is cut off, as in SciPy: time grows with it.
 TRUNCATE = 4.0
-#: Side of a block, and in how many of them noise is measured at most.
+#: Pixels along the side of a block, and blocks in which noise is measured at most: larger ones have more texture.
 _BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
-#: Noise is measured in the blocks between these shares of all, sorted by how much they vary.
+#: Shares of the blocks, sorted by how much they vary, between which noise is measured: more of them have texture.
 _QUIET = (0.15, 0.35)
-#: The mean of the quiet blocks is this many standard deviations below the mean of all.
+#: Standard deviations that the mean of the quiet blocks is below the mean of all, of normal noise.
 _LESS_IN_QUIET = 0.674
-#: Where more than this share of the second differences are 0, the others are edges: rounded noise leaves fewer from a
-#: standard deviation of 0.3 levels.
+#: Share of the second differences of a block that are 0, above which the others are edges: rounded noise leaves fewer
+#: from a standard deviation of 0.3 levels.
 _FLAT = 0.5
-#: Second differences of near pixels are correlated: this many count as one that is not.
+#: Second differences of near pixels, which are correlated, that count as one that is not.
 _PIXELS_THAT_COUNT = 3.78
 #: Median distance of normal noise from its median, in standard deviations.
 MEDIAN_OF_NORMAL = 0.6745

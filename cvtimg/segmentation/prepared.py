@@ -18,21 +18,22 @@ from cvtimg.segmentation.edge_weight import RADIUS, EdgeWeighted, Planes, descen
 from cvtimg.segmentation.noise import averaged, noise_covariance, noise_gain
 from cvtimg.segmentation.values import PictureValues
 
-#: The edge weight "auto" is at least this multiple of the variance of noise, at a radius of 3: for three shapes under
-#: noise of a quarter to all of their contrast, the most pixels are right from 0.3 to 0.4.
+#: Variances of noise, the least edge weight "auto" at a radius of 3; more rounds shapes off, less leaves specks: for
+#: three shapes under noise of a quarter to all of their contrast, the most pixels are right from 0.3 to 0.4.
 _AUTO_WEIGHT = 0.35
 #: A region averages the noise of its pixels: its edge weight need be but this part of theirs. An edge is described in
 #: ln 3 nats for each pixel of its length, as by a chain code, and these cost 36 edge weights, in units of 2 variances.
 _OF_REGIONS = 2 * log(3) / 36 / _AUTO_WEIGHT
-#: Regions move between at most this many segments: more take longer and have few regions each.
+#: Segments, at most, between which regions move: more take longer and have few regions each.
 _MOST_MOVED = 64
 #: How regions move with the best effort, which lowers the energy by another 0.5 %.
 _THOROUGH = {"n_cells": 2000, "n_rounds": 2}
-#: The descent starts from segments of the image averaged until the noise is this part of the remaining variance.
-_NOISE_AT_START = 0.25
-_LARGEST_START = 5.0
+#: Part of the spread of the image that noise is in the averages from which the descent starts, and pixels of their
+#: blur at most: more blur keeps noise from hiding segments, and hides small ones itself.
+_NOISE_AT_START, _LARGEST_START = 0.25, 5.0
+#: Pixels, at most: time grows as the square of the radius; wider averages than pictures show nothing.
 LARGEST_RADIUS, _LARGEST_AVERAGING = 30, 1000
-#: Curves start from an image blurred as for this many segments.
+#: Segments as for which images are blurred where curves start: more blur them more.
 _SEGMENTS_AT_START = 4
 
 

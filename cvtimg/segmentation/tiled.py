@@ -31,9 +31,9 @@ from cvtimg.segmentation.prepared import LARGEST_RADIUS, Smoothness, blur_at_sta
 from cvtimg.segmentation.result import SegmentedFile, sorted_ends
 from cvtimg.segmentation.values import at_pixels, values_of
 
-#: Averages of a noisy image from which its segments start, or a few more.
+#: Averages of a noisy image from which its segments start, or a few more: time grows with them.
 _ENOUGH_AVERAGES = 1 << 20
-#: Pixels of a strip. Values, labels and temporary arrays take about 100 bytes per pixel.
+#: Pixels of a strip: values, labels and temporary arrays take about 100 bytes of memory for each.
 STRIP_PIXELS = 1 << 21
 #: Pixels at most of an image whose rows and columns may change places: strips of it are then read from all rows.
 _MOST_TO_TURN = 1 << 26

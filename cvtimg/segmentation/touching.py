@@ -21,9 +21,9 @@ from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 from cvtimg.segmentation.noise import averaged
 
 BACKGROUNDS = ("largest", "darkest", "brightest")
-#: Blur of the distance, in pixels, that keeps ragged borders from making maxima of their own.
+#: Pixels of blur of the distance: keeps ragged borders from making maxima of their own; more joins small objects.
 _BLUR = 1.0
-#: Deviation, in pixels, of averages in which contrast is measured.
+#: Pixels of blur of averages in which contrast is measured: more is less noisy, and mixes small objects.
 FOR_CONTRAST = 2.0
 #: Rounds of what settles, at most: means and borders of most objects do in five, shares of necks in twenty.
 ROUNDS = 20

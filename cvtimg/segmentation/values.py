@@ -23,7 +23,7 @@ from cvtimg.colors.spaces import SPACES, from_space, to_space
 from cvtimg.segmentation.local_means import in_even_light
 
 #: Part of the size of values in which float32 has 256 levels, as 8 bits have; more refuses more images.
-_LOST = 2.0**-15
+_LOST = float(256 * np.finfo(np.float32).eps)
 #: White of integers that floating point may stand for, which is 1 if it is from 0 to 1; the last, the most levels.
 _WHITES = (1, 255, 65535)
 

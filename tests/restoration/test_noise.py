@@ -207,6 +207,8 @@ def test_images_without_noise_and_small_ones_have_no_shared_noise() -> None:
 
 def test_noise_that_pixels_do_not_share_is_filtered_as_white(part: Array, monkeypatch: Any) -> None:
     np.testing.assert_allclose(covariance_of(SharedNoise.white(9 * np.eye(2))), np.eye(50), atol=1e-12)
+    same = np.linalg.eigvalsh(covariance_of(SharedNoise(np.ones((9, 9, 1, 1)))))
+    assert same[0] == pytest.approx(0.01, rel=0.1)  # in no direction of a patch is there none
     image = part[:40, :40] / 255 + np.random.default_rng(0).normal(0, 0.1, (40, 40, 3))
     white = denoise([image], effort="fast", noise=25.5)
     monkeypatch.setattr("cvtimg.restoration.noise.shared_noise", lambda *_, **__: SharedNoise.white(np.eye(3)))

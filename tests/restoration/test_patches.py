@@ -5,7 +5,7 @@ import pytest
 from reference import at_threads
 
 from cvtimg._shared.types import Floats
-from cvtimg.restoration.detail import Groups, Noisy, filtered, group_patches, windows, with_border
+from cvtimg.restoration.detail import Groups, Noisy, _variances, filtered, group_patches, windows, with_border
 
 
 def noisy_image(shape: tuple[int, int, int] = (11, 13, 3), *, precisions: tuple[int, ...] = (40, 100, 120)) -> Noisy:
@@ -111,3 +111,10 @@ def test_threads_make_no_difference() -> None:
 
     one, three = at_threads(both)
     assert one == three
+
+
+def test_better_pixels_than_those_of_their_group_are_drawn_by_less_than_twice_what_they_are_away() -> None:
+    precision = np.ones((20, 20), np.float32)
+    precision[9, 9] = 100
+    group = Groups(slice(0, 16), slice(0, 16), np.arange(256, dtype=np.int32), np.array([0, 256]))
+    assert 1.5 < 100 * _variances(precision, group, 1.0)[0] < 2

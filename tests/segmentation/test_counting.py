@@ -9,7 +9,7 @@ from scipy import ndimage
 from skimage import data
 
 from cvtimg._shared.types import Array, Bytes, Floats
-from cvtimg.segmentation import count_objects, counting
+from cvtimg.segmentation import count_objects, counting, field_of_view
 
 RIGHT = np.mgrid[:120, :160][1].astype(np.float64)
 #: Centers and radii: pairs that touch, one alone, and one that is cut off.
@@ -208,3 +208,11 @@ def test_blur_follows_the_noise_as_far_as_necks_and_sampling_allow() -> None:
 
 def test_eight_megapixels_are_counted_in_one_piece() -> None:
     assert [len([*counting._tiles((side, side), 0)]) for side in (2700, 3100)] == [1, 4]
+
+
+def test_light_is_a_polynomial_of_the_fourth_degree() -> None:
+    y, x = np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-1, 1, 60), indexing="ij")
+    for degree, is_light in ((4, True), (5, False)):
+        light = np.float32(x**degree - x ** (degree - 2) * y**2)
+        away = field_of_view._light(light, np.ones(light.shape, bool)) - (light - np.median(light))
+        assert (np.ptp(away) < 0.01) == is_light
