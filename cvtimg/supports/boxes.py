@@ -17,7 +17,7 @@ from cvtimg.placement import Region
 
 #: Boxes at first, for each point: with more, radii come as near to the least with fewer halvings, of more boxes.
 _BOXES_PER_POINT = 16
-#: The neighbor by whose distance boxes are small.
+#: Neighbors beyond those that hold a box: by the distance of the last one boxes are small.
 _AROUND = 3
 
 
@@ -27,8 +27,7 @@ class Tightening(NamedTuple):
     margin: float = 0.02  # by this share they may be larger than samples show before boxes are halved,
     boxes: float = 100.0  # or if there are fewer for each point, by how far its neighbors are;
     halvings: int = 8  # halvings of a box at most
-    fewest: int = 8  # points that each box sees beyond the nearest ones, where these hold it,
-    few: int = 50  # and where others may: with 40, if distances vary, 8 % more balls meet
+    few: int = 50  # points that each box sees where others than the nearest may hold it: with 40, 8 % more balls meet
     rounds: int = 12  # in which balls grow, draw back and take over: with 24, half of a percent fewer meet
     growth: float = 1.5  # to this times their first radius, so that others can shrink: with 1.3, 3 % more meet
 
@@ -61,7 +60,7 @@ def lies_in(region: Region, places: Floats, tolerance: float) -> Bools:
 def radii_by_boxes(points: Floats, region: Region, order: int, tightened: bool) -> Floats:
     """Find radii of balls around (n, d) points that cover a region `order` times."""
     tightened = tightened and order > 1
-    n_near = min(len(points), order + (_HOW.few if tightened else _HOW.fewest))
+    n_near = min(len(points), order + (_HOW.few if tightened else _AROUND))
     n_first = min(_BOXES_PER_POINT * len(points), ENOUGH_SAMPLES)
     n_side = max(2, round(float(n_first ** (1 / points.shape[1]))))
     sides = (1 / n_side) * np.ptp(region.bounds, axis=0)

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from cvtimg import reduced_basis, write_image
+from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.types import Array
-from cvtimg.bases import KINDS, Basis, as_snapshots, read_basis
+from cvtimg.bases import KINDS, Basis, as_snapshots, read_basis, reduction
 from cvtimg.pictures import Frames, write_frames, write_pages
 
 RNG = np.random.default_rng(0)
@@ -217,3 +218,28 @@ def test_one_image_is_no_set_of_snapshots(tmp_path: Path) -> None:
     write_image(tmp_path / "a.png", IMAGES[0])
     with pytest.raises(ValueError, match="is one image; snapshots must be"):
         as_snapshots(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(("n_modes", "kind", "rank"), [(3, "pod", 30), (3, "cvod", 72), (0.5, "pod", 2072)])
+def test_a_sketch_has_two_coordinates_for_each_mode_and_24_more(
+    n_modes: Any, kind: str, rank: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def asked(source: object, rank: int, *_: object, **__: object) -> None:
+        raise LookupError(rank)
+
+    monkeypatch.setattr(reduction, "sketch", asked)
+    with pytest.raises(LookupError, match=f"^{rank}$"):
+        reduced_basis(np.zeros((1500, 1200), np.float32), n_modes, kind=kind)
+
+
+def test_a_cvod_is_the_best_of_four_starts_that_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+    iterate = reduction.iterate
+    monkeypatch.setattr(reduction, "iterate", lambda *start: seen.append(start[2]) or iterate(*start))
+    reduced_basis(SNAPSHOTS, 2, kind="cvod", n_cells=3)
+    assert seen == [Stopping(1e-6, 100)] * 4
+
+
+@pytest.mark.parametrize(("apart", "alike"), [(0.35e-12, True), (0.65e-12, False)])
+def test_coordinates_that_differ_by_some_thousand_roundings_are_the_same(apart: float, alike: bool) -> None:
+    assert (np.ptp(reduction._settled(np.array([1.0, 1 + apart]))) == 0) == alike

@@ -2,6 +2,7 @@
 
 import pickle
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -318,3 +319,8 @@ def test_the_same_rows_are_drawn_whatever_the_blocks_and_far_ones_always() -> No
         assert found.weights[found.rows[:, 0] == 1e6] == 1
         np.testing.assert_allclose(found.weights.sum(), 20_000, rtol=0.1)
         np.testing.assert_allclose(found.spread.energy(), ((rows - rows.mean(axis=0)) ** 2).sum(), rtol=1e-9)
+
+
+def test_eight_sums_are_added_at_a_time() -> None:
+    parts = passes.over_blocks(blocks(length=100), lambda block: [], lambda parts: [len(parts), *chain(*parts)])
+    assert parts == [3, 8, 8, 4]

@@ -9,10 +9,13 @@ import pytest
 
 from cvtimg._shared.records import UnprovenError
 from cvtimg._shared.types import Array, Floats, Ints
-from cvtimg.engine import evolution, tessellation
-from cvtimg.engine.methods import Conditions, Ends, Stopping
-from cvtimg.engine.points import cell_moments, float32_suffices, pack
+from cvtimg.engine import EFFORTS, METHODS, evolution, samples, tessellation
+from cvtimg.engine.all_counts import chain
+from cvtimg.engine.methods import Conditions, Ends, Iteration, Method, Stopping
+from cvtimg.engine.methods.breathing import breathe
+from cvtimg.engine.points import Points, cell_moments, float32_suffices, pack
 from cvtimg.engine.samples import pack_in_order
+from cvtimg.engine.search import search
 from cvtimg.engine.seeding import halves, split
 
 
@@ -46,16 +49,16 @@ def summed_by_hand(rows: Array, density: Floats, labels: Ints, n_cells: int) -> 
 
 
 @pytest.mark.parametrize(
-    ("n_rows", "n_dims", "n_cells"), [(4000, 4, 12), (4000, 5, 12), (64 * 511, 1, 1), (64 * 513, 1, 1), (540_700, 1, 1)]
+    ("n_rows", "n_dims", "n_cells"), [(4000, 4, 5), (4000, 5, 5), (64 * 511, 1, 1), (64 * 513, 1, 1), (540_700, 1, 1)]
 )
 def test_sums_of_cells_have_the_bits_of_a_plain_sum_in_the_same_order(n_rows: int, n_dims: int, n_cells: int) -> None:
     rng = np.random.default_rng(n_dims)
     rows, density = rng.normal(size=(n_rows, n_dims)).astype(np.float32), rng.random(n_rows)
-    labels = rng.integers(0, n_cells, n_rows, np.int32) * (rng.random(n_rows) < 0.6)
+    labels = rng.integers(0, n_cells, n_rows, np.int32)
     points = pack(rows, density, center=np.zeros(n_dims))
     padded = np.append(labels, np.zeros(len(points.density) - n_rows)).astype(np.int32)
     masses, sums = cell_moments(points, padded, n_cells)
-    assert (np.c_[sums, masses] == summed_by_hand(rows, density, labels.astype(np.int32), n_cells)).all()
+    assert (np.c_[sums, masses] == summed_by_hand(rows, density, labels, n_cells)).all()
 
 
 @pytest.mark.parametrize("loss", [1e-6, tessellation._LOSS_OF_COLORS])
@@ -106,6 +109,56 @@ def test_an_energy_that_is_off_by_more_than_a_millionth_is_refused(off: float, h
         return
     with pytest.raises(UnprovenError, match="the energy is that of the labels"):
         tessellation.proven(wrong, rows, np.ones(500), True)
+
+
+@pytest.mark.parametrize(("n_rows", "ordered"), [(6_000_000, True), (12_000_000, False)])
+def test_sorting_more_than_eight_million_rows_would_cost_more_than_it_saves(
+    n_rows: int, ordered: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(samples, "pack", lambda *_, **__: None)
+    monkeypatch.setattr(samples, "along_curve", len)
+    rows = np.broadcast_to(np.zeros((1, 2)), (n_rows, 2))
+    assert (pack_in_order(rows, np.ones(1), 50)[1] is not None) == ordered
+
+
+@pytest.mark.parametrize(
+    ("n_rows", "n_generators", "n_fewer", "rests"),
+    [
+        (140_000, 8, 17_500, {(1e-3, 100), (1e-2, 5), (1e-4, 100)}),
+        (20_000, 8, 2_500, {(1e-3, 100), (1e-2, 5), (2e-3, 8)}),
+        (20_000, 64, 5_000, {(1e-3, 100), (1e-2, 5), (2e-3, 8)}),
+    ],
+)
+def test_searches_are_on_fewer_points_and_rest_soon(
+    n_rows: int, n_generators: int, n_fewer: int, rests: set[tuple[float, int]]
+) -> None:
+    seen = set()
+
+    def descend(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
+        seen.add((points.n_points, conditions.stopping.tolerance, conditions.stopping.max_iterations))
+        return METHODS["lloyd"](points, generators, conditions)
+
+    points = pack(np.random.default_rng(0).random((n_rows, 2)), np.ones(n_rows), in_order=True)
+    conditions = Conditions(Stopping(1e-9, 9), np.random.default_rng(0))
+    if n_rows > 100_000:
+        search(points, np.zeros((0, 2)), n_generators, "split", Method(descend), conditions, EFFORTS["best"])
+    else:
+        chain(points, n_generators, Method(descend), conditions)
+    assert {(tolerance, most) for n_points, tolerance, most in seen if n_points == n_fewer} == rests
+    assert {n_points for n_points, *_ in seen} <= {n_fewer, n_rows}
+
+
+@pytest.mark.parametrize(("gain", "n_breaths"), [(0.7e-4, 3), (1.4e-4, 4)])
+def test_a_breath_helps_if_it_lowers_the_energy_by_a_ten_thousandth(gain: float, n_breaths: int) -> None:
+    points, sizes = pack(np.random.default_rng(0).random((500, 2)), np.ones(500)), list[int]()
+
+    def descend(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
+        sizes.append(len(generators))
+        return Iteration(generators, [1 - gain if len(sizes) > 2 else 1.0], True)
+
+    start, conditions = points.rows()[:16], Conditions(Stopping(0.5, 9), np.random.default_rng(0))
+    breathe(points, start, descend, conditions, (1 / 4, 1 / 16))
+    assert sum(size > 16 for size in sizes) == n_breaths
 
 
 # Evolution

@@ -95,7 +95,10 @@ def test_more_effort_finds_less_energy(photograph: Array) -> None:
 
 def test_the_guide_tells_how_much_each_effort_does() -> None:
     guide = " ".join((Path(__file__).parents[2] / "docs/engine.md").read_text(encoding="utf-8").split())
-    assert f"at most {EFFORTS['fast'].stopping.max_iterations} moves" in guide
+    fast = EFFORTS["fast"].stopping
+    assert (
+        f"at most {fast.max_iterations} moves, to a tolerance of {fast.tolerance:.0e} |".replace("e-0", "e-") in guide
+    )
     for name in ("balanced", "best"):
         of, evolution = EFFORTS[name], EFFORTS[name].evolution
         assert f"to a tolerance of {of.stopping.tolerance:.0e} |".replace("e-0", "e-") in guide

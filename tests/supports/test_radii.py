@@ -110,6 +110,11 @@ def test_wrong_arguments_are_named(arguments: Any, message: str) -> None:
         support_radii(*arguments)
 
 
+def test_few_balls_of_uneven_points_meet() -> None:
+    points = np.random.default_rng(0).random((60, 2)) ** 3 * 0.98 + 0.01
+    assert 816 < support_radii(points, SQUARE, 3).overlap.nnz < 832
+
+
 @pytest.mark.slow
 def test_plots_show_disks(tmp_path: Path) -> None:
     supports = support_radii(SQUARE.draw(20, 1), SQUARE, 2)

@@ -10,7 +10,7 @@ import pytest
 from cvtimg._shared.types import Array
 from cvtimg.blocks import Spread
 from cvtimg.tables import Dialect, find_tables, read_table, write_generators, write_row_labels
-from cvtimg.tables.files import Table
+from cvtimg.tables.files import Table, is_large_table
 
 RNG = np.random.default_rng(5)
 
@@ -283,3 +283,28 @@ def test_a_folder_stands_for_the_tables_in_it(tmp_path: Path) -> None:
     assert find_tables(f"{tmp_path}/*.txt") == find_tables(tmp_path / "notes.txt") == [tmp_path / "notes.txt"]
     with pytest.raises(FileNotFoundError, match=r"no table \(\.csv, \.tsv, \.npy, .*\) in this folder"):
         find_tables(tmp_path / "empty")
+
+
+@pytest.mark.parametrize(("row", "is_read"), [(700, True), (1500, False)])
+def test_a_thousand_rows_tell_how_numbers_are_written(file: Path, row: int, is_read: bool) -> None:
+    text = "a;b\n" + "1;2\n" * row + "1,5;2\n" + "1;2\n" * 600
+    if is_read:
+        assert read(file, text).rows[row, 0] == 1.5
+        return
+    with pytest.raises(ValueError, match="'1,5' is not a number"):
+        read(file, text)
+
+
+@pytest.mark.parametrize(("n_rows", "is_left_out"), [(8, False), (14, True)])
+def test_a_column_counts_rows_if_there_are_ten(file: Path, n_rows: int, is_left_out: bool) -> None:
+    text = "n,v\n" + "".join(f"{n},{n * 7 % 5 + 0.5}\n" for n in range(n_rows))
+    assert ("n" in read(file, text).left_out) == is_left_out
+
+
+@pytest.mark.parametrize(("n_bytes", "is_large"), [(0.7 * 2**30, False), (1.5 * 2**30, True)])
+def test_arrays_of_more_than_a_gibibyte_are_large(tmp_path: Path, n_bytes: float, is_large: bool) -> None:
+    with (tmp_path / "a.npy").open("wb") as file:
+        header = {"descr": "<f8", "fortran_order": False, "shape": (int(n_bytes) // 8,)}
+        np.lib.format.write_array_header_1_0(file, header)
+        file.truncate(file.tell() + int(n_bytes) // 8 * 8)  # of holes, which take no room
+    assert is_large_table(tmp_path / "a.npy") == is_large
