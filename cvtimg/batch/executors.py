@@ -29,8 +29,6 @@ _FOR_SHORT = {
 }
 #: Seconds that a worker has to clean up after it is told to stop, and a scheduler to answer.
 _PATIENCE = 8
-
-
 #: A place where one task is done at a time: begins it.
 _Seat: TypeAlias = Callable[[Task], Future[Outcome]]
 

@@ -26,7 +26,7 @@ _ROUNDING = 1e-24
 #: Largest rounding errors, by the number that is rounded.
 _UNIT, _EXACT_UNIT = (float(np.finfo(dtype).epsneg) for dtype in (np.float32, np.float64))
 #: Fraction by which labels of float32 may raise the energy of the true ones; more gives float32 more tables.
-_LOSS = 1e-6
+LOSS = 1e-6
 #: Squared distances of float32 differ from the true ones by less than 8 roundings for each dimension and 4 more.
 _ROUNDINGS = 8
 #: Energies, sums of squares, of values this far from their mean are out of the range of float64.
@@ -285,7 +285,7 @@ class RowMoments(NamedTuple):
         return np.where((np.einsum("kd,kd->k", steps, steps) <= rounding**2 * size)[:, None], steps, 0.0)
 
 
-def float32_suffices(points: Points, energy: float, loss: float = _LOSS) -> bool:
+def float32_suffices(points: Points, energy: float, loss: float = LOSS) -> bool:
     """Whether rows that float32 cannot tell apart may raise this energy by no more than a fraction of it."""
     # A label is wrong only where two squared distances are equal but for rounding, u sqrt(D) A / N, with A the energy
     # about the origin and u the unit. So are u sqrt(D) A / E of all, and none costs more than rounding: the loss is of

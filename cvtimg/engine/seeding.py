@@ -21,8 +21,6 @@ Seeding: TypeAlias = "Callable[[Points, int, np.random.Generator], Floats]"
 
 #: Cells are divided by their covariances up to this number of dimensions: each takes its square of moments.
 _MOST_DIMS = 64
-
-
 #: Products with the rows that find an axis: halves have then at most a percent more energy than across the main one.
 _POWERS = 8
 

@@ -33,6 +33,7 @@ from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import (
+    LOSS,
     Frame,
     Points,
     RowMoments,
@@ -50,8 +51,6 @@ from cvtimg.files.whole import StrPath
 #: Fraction by which labels of float32 may raise the energy of colors, which one far away does by more; less takes
 #: float64, twice as slow, for thousands of colors in spaces of floats, too.
 _LOSS_OF_COLORS = 1e-3
-#: Share within which proofs take energies for the same: with more, they miss what float32 does not explain.
-_PROVED_WITHIN = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -386,10 +385,10 @@ def _claims(result: Tessellation, rows: Array, density: Floats, nearest: bool) -
     squares = np.concatenate([np.square(rows[block] - generators[labels[block]]).sum(axis=1) for block in blocks])
     rounded = float(np.square(np.finfo(np.float32).eps * np.abs(rows).max()))  # of generators that are found in float32
     energy, rounding = float(density @ squares), rounded * float(density.sum())
-    yield "the energy is that of the labels", abs(result.energy - energy) <= _PROVED_WITHIN * energy + rounding
+    yield "the energy is that of the labels", abs(result.energy - energy) <= LOSS * energy + rounding
     if nearest:
         some = slice(None, None, -(-len(rows) // SAMPLES_OF_FIGURE))
         least = np.full(len(squares[some]), np.inf)
         for generator in generators:
             np.minimum(least, np.square(rows[some] - generator).sum(axis=1), out=least)
-        yield "rows have their nearest generators", squares[some] <= least * (1 + _PROVED_WITHIN) + rounded
+        yield "rows have their nearest generators", squares[some] <= least * (1 + LOSS) + rounded

@@ -53,16 +53,3 @@ def test_a_hierarchy_shows_strong_borders_darkest() -> None:
     assert row.shape == (60,)
     assert row.argmin() == 29
     assert row[:25].min() == 255 or row[:25].min() > row[29]
-
-
-@pytest.mark.parametrize(("n_triangles", "drawn_as"), [(14_000, "plot_trisurf"), (28_000, "scatter")])
-def test_many_triangles_are_drawn_by_their_corners(
-    n_triangles: int, drawn_as: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from mpl_toolkits.mplot3d import Axes3D
-
-    seen = []
-    for name in ("plot_trisurf", "scatter"):
-        monkeypatch.setattr(Axes3D, name, lambda *_, name=name, **__: seen.append(name))
-    drawn("", np.eye(3), np.zeros((n_triangles, 3), np.int32))
-    assert seen == [drawn_as]

@@ -11,7 +11,6 @@ import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
-from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -19,8 +18,8 @@ import works
 
 from cvtimg import find_images, write_image
 from cvtimg.batch.plans import Plan, find
-from cvtimg.batch.report import Report, progress
-from cvtimg.batch.runner import INTERRUPTED, Running, run
+from cvtimg.batch.report import Report
+from cvtimg.batch.runner import Running, run
 from cvtimg.batch.tasks import Task, WrongUsageError
 from cvtimg.cli import app as cli
 from cvtimg.files.whole import whole_file
@@ -229,20 +228,3 @@ def test_every_command_works_in_processes(here: Path, capsys: pytest.CaptureFixt
     rows = [json.loads(line) for line in Path("r.jsonl").read_text().splitlines()]
     assert [row["input"] for row in rows] == [f"in/{number}.png" for number in range(3)]
     assert capsys.readouterr().err == "3 done, 0 skipped, 0 failed\n"
-
-
-@pytest.mark.parametrize(("seconds", "is_shown"), [(1.4, False), (2.8, True)])
-def test_a_run_shows_how_far_it_is_after_two_seconds(
-    seconds: float, is_shown: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    times, bar = iter([0.0, seconds]), MagicMock()
-    monkeypatch.setattr("cvtimg.batch.report.monotonic", lambda: next(times))
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    monkeypatch.setattr("rich.progress.Progress", bar)
-    with progress(2, Report([], as_json=False)) as step:
-        step()
-    assert bar.called == is_shown
-
-
-def test_the_status_of_an_interrupted_run_is_that_of_shells() -> None:
-    assert INTERRUPTED + signal.SIGINT == 130

@@ -284,12 +284,6 @@ def test_what_blocks_do_not_have_is_refused(call: Callable[[], object], message:
 # A run that was cut off
 
 
-def test_a_run_goes_on_without_a_search_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = tessellate(blocks(), 12, checkpoint=tmp_path / "state.npz")
-    monkeypatch.setattr("cvtimg.engine.tessellation.search", lambda *_: pytest.fail("it is not done again"))
-    assert same_bits(expected, tessellate(blocks(), 12, checkpoint=tmp_path / "state.npz"))
-
-
 def test_a_checkpoint_of_other_samples_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "state.npz"
     tessellate(blocks(), 3, checkpoint=path)

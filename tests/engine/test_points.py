@@ -1,22 +1,19 @@
 """Passes over points, and from where on each of two ways is taken."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from cvtimg._shared.records import UnprovenError
 from cvtimg._shared.types import Array, Floats, Ints
 from cvtimg.engine import EFFORTS, METHODS, evolution, samples, tessellation
 from cvtimg.engine.all_counts import chain
 from cvtimg.engine.methods import Conditions, Ends, Iteration, Method, Stopping
-from cvtimg.engine.methods.breathing import breathe
 from cvtimg.engine.points import Points, cell_moments, float32_suffices, pack
 from cvtimg.engine.samples import pack_in_order
 from cvtimg.engine.search import search
-from cvtimg.engine.seeding import halves, split
+from cvtimg.engine.seeding import split
 
 
 def summed_by_hand(rows: Array, density: Floats, labels: Ints, n_cells: int) -> Floats:
@@ -86,31 +83,6 @@ def test_seeds_of_many_columns_are_drawn(n_dims: int, drawn: bool) -> None:
     assert (seeds[0] != seeds[2]).any() == drawn
 
 
-def test_halves_of_many_columns_are_nearly_across_the_main_axis_in_eight_products() -> None:
-    ratios = []
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        rows = rng.normal(size=(300, 80)) * (1 + np.r_[1.4, 1.1, np.zeros(78)])
-        points = pack(rows, np.ones(300))
-        lower, upper = halves(points, np.zeros(len(points.density), np.int32), np.zeros(1, np.intp), 1)
-        axis = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)[2][0]
-        gained = [float(((rows - rows.mean(axis=0)) @ way).var()) for way in ((upper - lower)[0], axis)]
-        ratios.append(gained[0] / ((upper - lower) ** 2).sum() / gained[1])
-    assert 0.965 < np.mean(ratios) < 0.987
-
-
-@pytest.mark.parametrize(("off", "holds"), [(0.7e-6, True), (1.4e-6, False)])
-def test_an_energy_that_is_off_by_more_than_a_millionth_is_refused(off: float, holds: bool) -> None:
-    rows = np.random.default_rng(0).normal(size=(500, 2))
-    result = tessellation.tessellate(rows, 5)
-    wrong = replace(result, energy=result.energy * (1 + off))
-    if holds:
-        tessellation.proven(wrong, rows, np.ones(500), True)
-        return
-    with pytest.raises(UnprovenError, match="the energy is that of the labels"):
-        tessellation.proven(wrong, rows, np.ones(500), True)
-
-
 @pytest.mark.parametrize(("n_rows", "ordered"), [(6_000_000, True), (12_000_000, False)])
 def test_sorting_more_than_eight_million_rows_would_cost_more_than_it_saves(
     n_rows: int, ordered: bool, monkeypatch: pytest.MonkeyPatch
@@ -146,19 +118,6 @@ def test_searches_are_on_fewer_points_and_rest_soon(
         chain(points, n_generators, Method(descend), conditions)
     assert {(tolerance, most) for n_points, tolerance, most in seen if n_points == n_fewer} == rests
     assert {n_points for n_points, *_ in seen} <= {n_fewer, n_rows}
-
-
-@pytest.mark.parametrize(("gain", "n_breaths"), [(0.7e-4, 3), (1.4e-4, 4)])
-def test_a_breath_helps_if_it_lowers_the_energy_by_a_ten_thousandth(gain: float, n_breaths: int) -> None:
-    points, sizes = pack(np.random.default_rng(0).random((500, 2)), np.ones(500)), list[int]()
-
-    def descend(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
-        sizes.append(len(generators))
-        return Iteration(generators, [1 - gain if len(sizes) > 2 else 1.0], True)
-
-    start, conditions = points.rows()[:16], Conditions(Stopping(0.5, 9), np.random.default_rng(0))
-    breathe(points, start, descend, conditions, (1 / 4, 1 / 16))
-    assert sum(size > 16 for size in sizes) == n_breaths
 
 
 # Evolution
