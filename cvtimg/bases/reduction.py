@@ -24,13 +24,13 @@ from cvtimg.files.whole import StrPath
 _Subspaces: TypeAlias = tuple[Floats, Floats, Ints64, Ints64]
 _KIND = "reduced basis"
 
-#: Coordinates beyond those that are used, which make these precise.
+#: Coordinates beyond those that are used: with more, these are more precise, and passes take longer.
 _OVERSAMPLING = 24
-#: Cells of a CVOD have modes of their own: as many coordinates as this times all of them together.
+#: Coordinates for each mode of all cells of a CVOD: with more, modes are more precise, and passes take longer.
 _COORDINATES_PER_MODE = 2
-#: Coordinates of snapshots are rounded to this fraction of the largest, some thousand roundings of float64.
+#: Share of the largest to which coordinates are rounded, some thousand roundings: with more, near ones become one.
 _ROUNDED = 2.0**-40
-#: Starts of a CVOD, and when each rests.
+#: Starts of a CVOD, and when each rests: with more, it takes longer and ends lower.
 _STARTS = 4
 _RESTING = Stopping(tolerance=1e-6, max_iterations=100)
 

@@ -18,18 +18,18 @@ from cvtimg.engine.methods.transfer import transfer_of_sets
 from cvtimg.engine.points import Points
 from cvtimg.engine.seeding import SEEDINGS, Seeding, random, seed_sets
 
-#: Energies nearer to each other than this fraction, of sets at rest, are taken to be of the same tessellation.
+#: Share within which energies of sets at rest are of the same tessellation: with more, neighbors count as one.
 _SAME = 1e-6
-#: Ends that are alike are enough of them.
+#: Ends that are alike, after which searching ends: with more, it takes longer and hardly ever ends lower.
 ENDS_ALIKE = 3
-#: Energies of the first ends are alike within this fraction. So are those of separated clusters.
+#: Share within which the first ends are alike, as those of separated clusters are: with more, others are taken for one.
 _ALIKE = 1e-5
-#: Generators for each swap of seeds of k-means++.
+#: Generators for each swap of seeds of k-means++: with more, there are fewer swaps, and seeds are farther from best.
 _GENERATORS_PER_SWAP = 4
-#: Elders from random seeds cost a descent each, which up to this product of rows, columns and generators takes
-#: milliseconds.
+#: Product of rows, columns and generators up to which a descent takes milliseconds: with more, there are elders of
+#: random seeds, which cost one each, for larger tables, too.
 _QUICK = 1 << 24
-#: To move generators takes the time of this number of products for each number of a table.
+#: Generators whose products with a table take the time of moving any: with more, tables count as larger.
 _MOVING = 16
 
 

@@ -39,9 +39,9 @@ _NO_VALUE = frozenset(
 _TRUTHS = frozenset(("true", "false", "yes", "no", "t", "f", "y", "n"))
 #: Tried in this order; a comma comes after those beside which it is a decimal sign.
 _DELIMITERS = "\t;|, "
-#: Rows that tell the delimiter, the names and kinds of columns, and the decimal sign.
+#: Rows that tell delimiter, names, kinds of columns and decimal sign: with more, later marks count, and it takes longer.
 _LOOKED_AT = 1000
-#: Rows of a column that counts them, or that identifies them in order, at least.
+#: Rows at least of a column that numbers them in order: with more, such columns of short tables are values.
 _COUNTED = 10
 _UNPACKED = {b"\x1f\x8b": gzip.decompress, b"BZ": bz2.decompress, b"\xfd7": lzma.decompress}
 _BOMS = {

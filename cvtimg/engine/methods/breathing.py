@@ -14,10 +14,10 @@ from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration
 from cvtimg.engine.points import Points, assign_next, cell_energies
 from cvtimg.engine.seeding import halves
 
-#: After adding generators the iteration need not converge; wherever ends are compared, nearly.
+#: When generators rest: after some were added hardly, wherever ends are compared nearly. With less it takes longer.
 _IN = Stopping(tolerance=1e-2, max_iterations=5)
 RESTING = Stopping(tolerance=1e-3, max_iterations=100)
-#: A breath helps if it lowers the energy by more than this fraction.
+#: Share of the energy that a breath must take to help: with more, breaths end sooner, and higher.
 _WORTHWHILE = 1e-4
 
 
