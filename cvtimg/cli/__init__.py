@@ -8,9 +8,10 @@ How a command is added:
    most, and a function ``NAME`` of the values of the options; its docstring is the help.
 3. The function makes a plan (`plan_of`: a task for each input, or with ``together`` one for all, or without inputs)
    and returns ``planned(plan, work, COLUMNS, given)``: `main` runs it, which prints, reports and gives the exit status.
-4. ``work(task, stopwatch, given)`` is a function of the module: it reads ``task.source``, writes ``task.outputs`` by
-   option (``task.outputs["-o"]``), calls ``stopwatch.lap("read" | "cluster" | "write")`` after each stage, and returns
-   the columns of its row; "input", "output" and "seconds" are added, and what it raises fails this input alone.
+4. ``work(task, stopwatch, given)`` is a function of the module, or ``late("cli.MODULE", "NAME")`` of another, such as
+   `cvtimg.cli.restoring`, which is imported when it runs: it reads ``task.source``, writes ``task.outputs`` by option
+   (``task.outputs["-o"]``), calls ``stopwatch.lap("read" | "cluster" | "write")`` after each stage, and returns the
+   columns of its row; "input", "output" and "seconds" are added, and what it raises fails this input alone.
 5. `COMMANDS` in `cli.overview` has its name and its line of ``cvtimg --help``.
 6. Heavy modules are imported in functions, so that ``cvtimg --help`` and wrong usage answer at once.
 """

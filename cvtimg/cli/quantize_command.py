@@ -142,14 +142,9 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Option
     records = (QuantizeOptions, Reading, Writing)
     how, reading, writing = (only(options, [field.name for field in fields(record)]) for record in records)
     engine: Any = {name: value for name, value in options.items() if name not in {**how, **reading, **writing}}
-    result = quantize_file(
-        task.source,
-        task.output,
-        QuantizeOptions(**how, engine=engine),
-        reading=Reading(**reading),
-        writing=Writing(**writing, save_palette=task.outputs.get("--save-palette")),
-        on_stage=stopwatch.lap,
-    )
+    reads, writes = Reading(**reading), Writing(**writing, save_palette=task.outputs.get("--save-palette"))
+    wanted, lap = QuantizeOptions(**how, engine=engine), stopwatch.lap
+    result = quantize_file(task.source, task.output, wanted, reading=reads, writing=writes, on_stage=lap)
     hint, row = "", result.summary()
     content = row.get("content_quality")
     if content is not None and abs(content - row["quality"]) > _APART:

@@ -108,10 +108,9 @@ def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume:
     tree = divided.results[0].hierarchy if divided.pages is None else None
     header = divided.header
     measured, names = _channels(task.source, given) if given.measure else (divided.images, header.channels)
-    subjects = [
-        Subject(task.source, image, labels, header, given, bands, names, tree, at, in_volume)
-        for image, labels, bands, at in zip(divided.images, divided.labels, measured, places, strict=True)
-    ]
+    subjects = []
+    for image, labels, bands, at in zip(divided.images, divided.labels, measured, places, strict=True):
+        subjects.append(Subject(task.source, image, labels, header, given, bands, names, tree, at, in_volume))
     for option, path in task.outputs.items():
         kind = kind_of(option)
         if kind == "tree":

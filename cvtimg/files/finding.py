@@ -45,13 +45,8 @@ def _expand(path: StrPath) -> list[Path]:
         return find_remote(url_of(path), image_suffixes())
     given = Path(path)
     if given.is_dir() and given.suffix.lower() != ".zarr":
-        inside = sorted(
-            file
-            for file in given.rglob("*")
-            if file.suffix.lower() in image_suffixes()
-            and not any(part.startswith(".") for part in file.relative_to(given).parts)
-            and file.is_file()
-        )
+        known = (file for file in given.rglob("*") if file.suffix.lower() in image_suffixes() and file.is_file())
+        inside = sorted(file for file in known if "/." not in f"/{file.relative_to(given).as_posix()}")
         if not inside:
             raise FileNotFoundError(f"{path}: no images in this folder")
         inputs = {file.with_suffix("") for file in inside}

@@ -9,11 +9,6 @@ from cvtimg.colors.spaces import from_space, to_space
 GRAYS = np.array([[0, 60, 128, 188, 255]], np.uint8)
 
 
-def test_half_the_light_of_white_asks_for_half_the_ink() -> None:
-    level = 1.055 * 0.5 ** (1 / 2.4) - 0.055
-    assert ink_coverage(np.full((2, 2), level)) == pytest.approx(0.5, abs=1e-6)
-
-
 def test_gray_and_color_and_pillow_agree() -> None:
     expected = ink_coverage(GRAYS)
     in_color = ink_coverage(np.dstack([GRAYS] * 3))

@@ -344,18 +344,10 @@ HEAVY = {"pydantic", "numpy", "PIL", "rich", "cvtimg.pictures.files", "cvtimg.en
 
 def modules_of(*arguments: str, cwd: Path) -> set[str]:
     """Return the modules that are imported once a command line is done."""
-    script = (
-        "import sys; from cvtimg.cli.app import main; status = main(sys.argv[1:]); "
-        "print(*sys.modules, file=sys.stderr); sys.exit(status)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", script, *arguments],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
+    script = "import sys; from cvtimg.cli.app import main; status = main(sys.argv[1:])"
+    script += "; print(*sys.modules, file=sys.stderr); sys.exit(status)"
+    command = [sys.executable, "-P", "-c", script, *arguments]
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=True, timeout=60)
     return set(done.stderr.split())
 
 

@@ -171,6 +171,5 @@ def test_a_type_that_a_format_cannot_hold_is_said(few: RowOf) -> None:
     write_image("in.tif", COLORS[..., 0].astype(np.int16))
     row = few("in.tif", "-k", "4", "-o", "out.png")
     assert "int16 samples are written as uint16 with the same values" in row["warning"]
-    np.testing.assert_array_equal(
-        read_image("out.png"), quantize(COLORS[..., 0].astype(np.int16), 4).image.astype(np.uint16), strict=True
-    )
+    expected = quantize(COLORS[..., 0].astype(np.int16), 4).image.astype(np.uint16)
+    np.testing.assert_array_equal(read_image("out.png"), expected, strict=True)

@@ -98,14 +98,10 @@ def test_names_of_regions_and_borders_are_groups(row_of: RowOf) -> None:
 
 
 def test_properties_of_features_name_regions(row_of: RowOf) -> None:
-    features = [
-        {
-            "type": "Feature",
-            "properties": {"name": name, "kind": "metal"},
-            "geometry": {"type": "Polygon", "coordinates": [[[x, 0], [x + 1, 0], [x + 1, 1], [x, 1], [x, 0]]]},
-        }
-        for x, name in enumerate(["North Sea", "land"])
-    ]
+    features = []
+    for x, name in enumerate(["North Sea", "land"]):
+        square = {"type": "Polygon", "coordinates": [[[x, 0], [x + 1, 0], [x + 1, 1], [x, 1], [x, 0]]]}
+        features.append({"type": "Feature", "properties": {"name": name, "kind": "metal"}, "geometry": square})
     Path("map.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     for words, names in (([], {"North_Sea": 1, "land": 2}), (["--name-by", "kind"], {"metal": 1})):
         assert row_of("mesh", "map.geojson", "-n", 60, "-o", "b.msh", "--overwrite", *words)["names"] == names

@@ -63,9 +63,8 @@ def test_depth_stays_or_becomes_what_is_asked(few: RowOf, picture: Array) -> Non
     np.testing.assert_array_equal(read_image("out.png"), quantize(picture.astype(np.uint16) * 257, 7).image)
     write_image("float.tif", (picture[..., 0] / 255).astype(np.float32))
     few("float.tif", "-k", "7", "--depth", "8")
-    np.testing.assert_array_equal(
-        read_image("out.png"), quantize(picture[..., 0], 7).image.repeat(3).reshape(64, 64, 3)
-    )
+    expected = quantize(picture[..., 0], 7).image.repeat(3).reshape(64, 64, 3)
+    np.testing.assert_array_equal(read_image("out.png"), expected)
 
 
 def test_transparency_stays_in_the_file(few: RowOf, picture: Array) -> None:

@@ -380,10 +380,8 @@ def test_messages_speak_of_controls(page: TestClient) -> None:
 def test_one_archive_has_the_results_of_all_pictures(page: TestClient) -> None:
     keys = [opened(page, png(np.full((4, 5), level)))["id"] for level in (7, 99)]
     asked = {"tab": "colors", "settings": {"k": 2}, "output": "o.png"}
-    sizes = [
-        page.post("/all", content=json.dumps({**asked, "picture": key, "first": not number})).json()
-        for number, key in enumerate(keys)
-    ]
+    requests = [json.dumps({**asked, "picture": key, "first": key == keys[0]}) for key in keys]
+    sizes = [page.post("/all", content=content).json() for content in requests]
     with zipfile.ZipFile(io.BytesIO(page.get("/all.zip").content)) as archive:
         assert [(file.filename, file.file_size) for file in archive.infolist()] == [
             (one["name"], one["bytes"]) for one in sizes

@@ -55,10 +55,8 @@ def test_an_interrupted_block_leaves_nothing_and_keeps_its_error(tmp_path: Path,
 
 
 def test_a_full_disk_is_named_with_the_path(tmp_path: Path) -> None:
-    with (
-        pytest.raises(OSError, match=r"a\.txt: cannot be written \(no space left on device\)$"),
-        whole_file(tmp_path / "a.txt"),
-    ):
+    full = r"a\.txt: cannot be written \(no space left on device\)$"
+    with pytest.raises(OSError, match=full), whole_file(tmp_path / "a.txt"):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 

@@ -133,10 +133,8 @@ def test_a_band_of_a_color_image_is_a_channel(tmp_path: Path) -> None:
     with selecting(Selection(channel="G")):
         np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), color[:, :, 1])
         assert image_info(tmp_path / "a.tif").bands == ("G",)
-    with (
-        selecting(Selection(channel="4")),
-        pytest.raises(OSError, match=r"has 3 channels \(R, G, B\), and no channel 4"),
-    ):
+    wrong = r"has 3 channels \(R, G, B\), and no channel 4"
+    with selecting(Selection(channel="4")), pytest.raises(OSError, match=wrong):
         read_image(tmp_path / "a.tif")
 
 
