@@ -39,7 +39,7 @@ _NO_VALUE = frozenset(
 _TRUTHS = frozenset(("true", "false", "yes", "no", "t", "f", "y", "n"))
 #: Tried in this order; a comma comes after those beside which it is a decimal sign.
 _DELIMITERS = "\t;|, "
-#: Rows that tell delimiter, names, kinds of columns and decimal sign: with more, later marks count, and it takes longer.
+#: Rows that tell delimiter, names, kinds and decimal sign: with more, later marks count, and it takes longer.
 _LOOKED_AT = 1000
 #: Rows at least of a column that numbers them in order: with more, such columns of short tables are values.
 _COUNTED = 10

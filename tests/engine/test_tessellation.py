@@ -72,6 +72,7 @@ def test_empty_cells_are_refilled_where_the_energy_is_greatest() -> None:
 
 
 def test_it_stops_when_the_energy_rests_and_says_so(photograph: Array, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Stopping(0.1, 9).converged([2.0, 1.0, 0.95])
     samples = color_samples(photograph)
     initial = samples.colors[::400][:32]
     for effort, tolerance in (("balanced", 1e-4), ("best", 1e-6)):
