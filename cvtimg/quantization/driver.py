@@ -77,7 +77,7 @@ class _Aiming(NamedTuple):
     # For files that must be small: streaks look better than few colors.
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
     # A search for a quality ends with a result that is better by at most `close`, and by that more with each mapping
-    # after the fourth.
+    # after the third.
     close: float = 0.5
     # A sample so near to the quality is enough to go on with the whole; so far above it are other numbers of colors
     # tried, that prices then lower.
@@ -240,6 +240,11 @@ class Source:
     def is_drawn(self) -> bool:
         """Whether colors that are not mixed may have the smallest file."""
         return False
+
+    @property
+    def seen(self) -> Sequence[ColorSamples]:
+        """What palettes are found for where eyes judge them."""
+        return self.counted
 
     def exact(self, how: QuantizeOptions) -> Any:
         """Return the image in all its colors, where its file may be small; or None."""
@@ -441,7 +446,7 @@ class _Search:
                 self._mapped(setting)
                 least, most_below, most_above = self.least(), 2.5 * _AIMING.close, 2.5 * _AIMING.close
                 if self._given:
-                    most_below, most_above = 0, _AIMING.close * max(1, n - 3)
+                    most_below, most_above = 0, _AIMING.close * max(1, n - 2)
                 if any(-most_below <= self._seen(some) - least <= most_above for some in self._whole):
                     break
                 setting = self._following(least + (most_above - most_below) / 2)
@@ -554,9 +559,9 @@ class _Palettes:
 
     def __init__(self, how: QuantizeOptions, source: Source) -> None:
         self.most: Any = how.n_colors or len(np.asarray(how.palette))
-        self._how, self._counted, self._unlike = how, source.counted, 1.0
+        self._how, self._counted, self._unlike = how, source.seen, 1.0
         with part(0, 0.1):
-            found = [*map(finder(how), source.counted)]
+            found = [*map(finder(how), self._counted)]
         self._has_all = how.palette is None and all(one.tessellation is None for one in found)
         if self._has_all:
             self.most = max(len(one.colors) for one in found)

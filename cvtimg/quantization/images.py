@@ -18,14 +18,14 @@ from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import are_shades, array_of, narrowed, peak
 from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.places import CLEAR, kinds_of, with_alpha, without_idle_alpha
-from cvtimg.colors.samples import color_samples
+from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.looks.similarity import Qualities
 from cvtimg.pictures.formats.encoding import as_stored, encode_image
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import roughness
 from cvtimg.quantization.driver import QuantizeOptions, Source, judged, quantized
-from cvtimg.quantization.looks import MAX_ENTRIES
+from cvtimg.quantization.looks import MAX_ENTRIES, visible
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
@@ -266,6 +266,12 @@ class PictureSource(Source):
         kinds = kinds_of(self._samples.colors, self._samples.alpha)
         labels = np.where(kinds == CLEAR, -1, np.arange(len(kinds)))[self._samples.inverse]
         return labels.shape[1] > 1 and np.mean(labels[:, 1:] == labels[:, :-1]) >= _DRAWN
+
+    @property
+    def seen(self) -> Sequence[ColorSamples]:
+        """Its samples, of which those count less in photographs that texture hides: 1 to 2 % fewer bytes."""
+        given = self.counted[0] is not self._samples
+        return self.counted if given or self.is_drawn else [self._samples.weighted(visible(self._samples))]
 
     def exact(self, how: QuantizeOptions) -> Quantized | None:
         """Return the image in all its colors, where a file may hold these in few bytes, as it holds gradients."""

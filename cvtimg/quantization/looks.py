@@ -7,7 +7,7 @@ import numpy as np
 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array, Bools, Floats, Ints
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 from cvtimg.colors.places import CLEAR, allowed_for, kinds_of
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import to_space
@@ -57,11 +57,7 @@ def map_for_eyes(
         indices[box] = map_for_eyes(content, palette, nearest, rate, strength)
         return indices
     bits = rate.price * np.log2(len(palette))
-    grounds = (0, 255) if samples.alpha else (0,)
-    levels = [samples.at_pixels(_brightness(samples.colors, samples.alpha, ground)) for ground in grounds]
-    seen = np.maximum.reduce([visibility(shades, bits) for shades in levels])
-    if samples.inside is not None:
-        seen[~samples.inside] = 0
+    seen = visible(samples, bits)
     wanted, kept = samples.at_pixels(places), None
     if below is not None:
         shown = entries[below.indices]
@@ -77,6 +73,14 @@ def map_for_eyes(
         return indices.astype(np.int32)
     allowed = allowed_for(kinds_of_entries)[samples.at_pixels(kinds), indices]
     return np.where(allowed, indices, samples.at_pixels(nearest))
+
+
+def visible(samples: ColorSamples, bits: float = 0.0) -> Floats32:
+    """Return how much an error counts in each (H, W) pixel, on the worse of black and white; see `visibility`."""
+    grounds = (0, 255) if samples.alpha else (0,)
+    levels = [samples.at_pixels(_brightness(samples.colors, samples.alpha, ground)) for ground in grounds]
+    seen: Floats32 = np.maximum.reduce([visibility(shades, bits) for shades in levels])
+    return seen if samples.inside is None else seen * samples.inside
 
 
 def _content_box(labels: Ints) -> tuple[slice, slice]:

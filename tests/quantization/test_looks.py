@@ -99,6 +99,17 @@ def test_images_with_few_colors_stay_exact(options: dict[str, Any]) -> None:
     np.testing.assert_array_equal(result.image, cat)
 
 
+def test_palettes_for_eyes_serve_smooth_areas_more_than_texture_which_hides_errors() -> None:
+    y, x = np.mgrid[:1:96j, :1:64j]
+    smooth = np.dstack([120 + 60 * x, 150 + 50 * y, 200 - 60 * x * y])
+    rough = np.random.default_rng(0).integers(0, 256, smooth.shape)
+    image = np.concatenate([smooth, rough], axis=1).astype(np.uint8)
+    colors = image[:, :64].reshape(-1, 1, 3).astype(float)
+    palettes = [cvtimg.quantize(image, 32, **how).palette for how in ({"goal": "eyes"}, {"space": "oklab"})]
+    eyes, plain = (((colors - palette) ** 2).sum(axis=2).min(axis=1).mean() for palette in palettes)
+    assert eyes < 0.7 * plain, eyes / plain
+
+
 def test_alpha_keeps_opaque_pixels_opaque_and_clear_ones_clear() -> None:
     alpha = np.full(COFFEE.shape[:2], 255, np.uint8)
     alpha[:60], alpha[60:100] = 0, 128
