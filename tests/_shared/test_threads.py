@@ -45,6 +45,12 @@ def test_each_item_is_in_one_part_also_when_passes_are_within_passes() -> None:
     assert max(most) <= 4
 
 
+def test_all_threads_that_a_pass_asks_for_take_part_though_each_wakes_few() -> None:
+    limit_threads(9)
+    everyone = threading.Barrier(9, timeout=20)
+    in_parts(lambda start, stop: everyone.wait() and None, 9, work=1e9)
+
+
 def test_an_error_in_a_part_is_raised() -> None:
     def kernel(start: int, stop: int) -> None:
         if stop == 100:
