@@ -6,11 +6,11 @@ import numpy as np
 
 from cvtimg._shared.types import Array, Bools, Floats32
 from cvtimg.engine.tessellation import tessellate
+from cvtimg.segmentation.touching import ROUNDS
 
 #: Light and means vary over this share of the longer side; light is found on this number of pixels.
 REACH, _ENOUGH_PIXELS = 0.125, 1 << 18
 _BLOCKS_IN_REACH = 4
-_MAX_ROUNDS = 12
 #: Where few pixels are near, the mean of all counts for this share of a neighborhood.
 PRIOR = 0.02
 
@@ -24,7 +24,7 @@ def in_even_light(values: Floats32, inside: Bools, n_segments: int, rng: int | n
     means: Array = np.broadcast_to(some[known].mean(axis=0), some.shape)
     for share in (REACH, REACH / 2):  # the latter to follow light into the corners
         reach, light = [share * max(known.shape)] * 2, np.ones(0, np.float32)
-        for _ in range(_MAX_ROUNDS):
+        for _ in range(ROUNDS):
             before = light
             shared = local_mean((some * means).sum(axis=2), known, reach, PRIOR)
             squares = local_mean(np.square(means).sum(axis=2), known, reach, PRIOR)

@@ -16,9 +16,10 @@ import numpy as np
 
 import cvtimg.segmentation._segments as _segments
 from cvtimg._shared.types import Floats, Floats32, Ints, Ints64
+from cvtimg.segmentation.touching import ROUNDS
 
-#: Cycles over all segments end when one lowers the energy by less than this share of it, or after the most.
-_WORTHWHILE, _MAX_CYCLES = 1e-5, 10
+#: Share of the energy by which a cycle over all segments lowers it, below which cycles end: less takes more of them.
+_WORTHWHILE = 1e-5
 #: How often lost segments are given back, and two are joined to free one.
 _MAX_CHANGES = 4
 
@@ -112,7 +113,7 @@ def _expanded(parts: Parts, labels: _Labels) -> _Labels:
     """Let each segment in turn take the parts that lower the energy most, until a cycle gains little."""
     energy, means = parts.energy(labels), parts.costs(labels)[1]
     costs, n_labels, in_vain = parts.costs_at(means), len(parts.rates), 0
-    for _ in range(_MAX_CYCLES):
+    for _ in range(ROUNDS):
         before = energy
         for label in range(n_labels):
             if in_vain >= n_labels:  # nothing has changed since each was tried
