@@ -26,6 +26,7 @@ def test_every_grey_comes_back_from_every_space(space: str, dtype: type) -> None
     greys = np.arange(np.iinfo(dtype).max + 1, dtype=dtype)[:, np.newaxis]
     places = to_space(greys, space)
     assert places.shape == greys.shape
+    assert space == "rgb" or places[-1, 0] == pytest.approx(SPACES[space].white)
     assert (np.diff(places[:, 0].astype(float)) > 0).all()
     back = from_space(places.astype(np.float64), space, np.dtype(dtype))
     assert np.abs(back.astype(int) - greys).max() <= (dtype is np.uint16)
