@@ -63,8 +63,8 @@ def with_mark(image: Array, alpha: bool) -> Array:
 def is_known(samples: Array, nodata: float | None = None) -> Bools:
     """(...) which of (..., C) samples are finite in all bands, and not `nodata` in all."""
     known = np.ones(samples.shape[:-1], np.bool_)
-    if samples.dtype.kind == "f":
-        known &= np.isfinite(samples).all(axis=-1)
+    if samples.dtype.kind == "f" and not (finite := np.isfinite(samples)).all():
+        known &= finite.all(axis=-1)
     if nodata is not None:
         known &= (samples != nodata).any(axis=-1)
     return known

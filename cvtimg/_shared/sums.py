@@ -45,6 +45,12 @@ def copy_rows(rows: Array, out: Array) -> Array:
     return out
 
 
+def contiguous(array: Array) -> Array:
+    """Return an array, or a copy of it in the order of its axes; threads share the work."""
+    array = np.asarray(array)
+    return array if array.flags.c_contiguous else copy_rows(array, np.empty(array.shape, array.dtype))
+
+
 def per_mass(sums: Floats, masses: Array) -> Floats:
     """Divide (K, P) sums by (K,) masses; 0 where there is none."""
     has_mass = masses[:, None] > 0

@@ -16,7 +16,7 @@ from cvtimg._shared.budgets import IN_CACHE
 from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.threads import in_stripes
+from cvtimg._shared.threads import in_stripes, of_each
 from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
@@ -189,9 +189,13 @@ def _rows_of(numbers: Array, dtype: np.dtype[np.generic], n_bands: int) -> Array
         pixels = numbers.view(np.uint8).reshape(len(numbers), -1)
         return np.ascontiguousarray(pixels[:, : n_bands * dtype.itemsize]).view(dtype)
     rows = np.zeros((len(numbers), n_bands), np.uint8)
-    for place in range(8 * n_bands):
-        bit, band = divmod(place, n_bands)
-        rows[:, n_bands - 1 - band] |= ((numbers >> np.uint32(place)) & 1).astype(np.uint8) << bit
+
+    def collect(block: slice) -> None:
+        for place in range(8 * n_bands):
+            bit, band = divmod(place, n_bands)
+            rows[block, n_bands - 1 - band] |= ((numbers[block] >> np.uint32(place)) & 1).astype(np.uint8) << bit
+
+    in_stripes(collect, len(numbers), 64.0 * rows.size, IN_CACHE)
     return rows
 
 
@@ -199,8 +203,7 @@ def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     """Return the distinct numbers, the rank of each of (N,) among them, and how often each of them occurs."""
     n_runs = 1 << 16  # of 256 numbers: all of three bands of 8 bits. Larger ones are sorted
     if numbers.dtype != np.uint32 or int(numbers.max()) >> 8 >= n_runs:
-        distinct, ranks, counts = np.unique(numbers, return_inverse=True, return_counts=True)
-        return distinct, ranks.astype(np.int32), counts.astype(np.float64)
+        return _sorted(numbers)
     # Colors fill few of the runs of 256 numbers. A table of these runs alone is small, and stays in the cache.
     is_used = np.zeros(n_runs, np.bool_)
     start_of = np.zeros(n_runs, np.intp)
@@ -228,4 +231,32 @@ def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     rank_of[taken] = np.arange(len(taken), dtype=np.int32)
     in_stripes(rank, len(numbers), 16.0 * len(numbers), IN_CACHE)
     distinct = (used[taken >> 8] << 8 | taken & 255).astype(np.uint32)
-    return distinct, inverse, np.bincount(inverse).astype(np.float64)
+    # Stripes that are long beside what they are counted in, which is added up.
+    n_in_stripe = max(IN_CACHE, 4 * len(taken))
+    counts = in_stripes(
+        lambda block: np.bincount(inverse[block], minlength=len(taken)), len(inverse), 8.0 * len(inverse), n_in_stripe
+    )
+    return distinct, inverse, np.sum(counts, axis=0, dtype=np.float64)
+
+
+def _sorted(numbers: Array) -> tuple[Array, Ints, Floats]:
+    """Return the same of any numbers: of those between some of them, which parts of them are, side by side."""
+    ends = np.sort(numbers[:: IN_CACHE >> 6])[64::64]
+    part_of, inverse = np.empty(len(numbers), np.uint16), np.empty(len(numbers), np.int32)
+
+    def divide(block: slice) -> None:
+        part_of[block] = np.searchsorted(ends, numbers[block], "right")
+
+    in_stripes(divide, len(numbers), 64.0 * len(numbers), IN_CACHE)
+    parts = np.split(np.argsort(part_of, kind="stable"), np.cumsum(np.bincount(part_of, minlength=len(ends) + 1))[:-1])
+
+    def sort(part: int) -> tuple[Array, Ints]:
+        distinct, inverse[parts[part]], counts = np.unique(
+            numbers[parts[part]], return_inverse=True, return_counts=True
+        )
+        return distinct, counts
+
+    distinct, counts = zip(*of_each(sort, len(parts), 512.0 * len(numbers)), strict=True)
+    for part, first in zip(parts[1:], np.cumsum([len(some) for some in distinct]), strict=False):
+        inverse[part] += np.int32(first)
+    return np.concatenate(distinct), inverse, np.concatenate(counts).astype(np.float64)

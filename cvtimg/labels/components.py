@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import cvtimg.labels._labels as _labels
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.sums import sum_by_label, take_rows
 from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 
@@ -50,20 +50,18 @@ def find_borders(labels: Ints) -> Borders:
         def meet(stripe: slice, axis: int = axis, before: Ints = before, after: Ints = after) -> tuple[Array, ...]:
             here, there = before[stripe], after[stripe]
             rows, columns = np.nonzero((here != there) & (here > 0) & (there > 0))
-            low, high = np.sort([here[rows, columns] - 1, there[rows, columns] - 1], axis=0).astype(dtype)
-            return low, high, rows + stripe.start, columns, np.full(len(rows), axis == 0)
+            first, second = here[rows, columns] - 1, there[rows, columns] - 1
+            places = np.stack([rows + stripe.start, columns], axis=1, dtype=np.int32, casting="same_kind")
+            low, high = (least(first, second).astype(dtype) for least in (np.minimum, np.maximum))
+            return low, high, places, np.full(len(rows), axis == 0)
 
-        parts += in_stripes(meet, len(before), 8.0 * labels.size, 128)
-    low, high, rows, columns, is_flat = (np.concatenate(part) for part in zip(*parts, strict=True))
+        parts += in_stripes(meet, len(before), 8.0 * labels.size)
+    low, high, places, is_flat = (np.concatenate(part) for part in zip(*parts, strict=True))
     order = np.lexsort((high, low))
-    pairs = np.stack([low, high], axis=1)[order].astype(np.int32)
-    starts = np.flatnonzero((np.diff(pairs, axis=0, prepend=-1) != 0).any(axis=1))
-    return Borders(
-        pairs[starts],
-        np.append(starts, len(pairs)).astype(np.int32),
-        np.stack([rows, columns], axis=1).astype(np.int32)[order],
-        is_flat[order],
-    )
+    pairs = np.stack([low, high])[:, order].astype(np.int32)
+    starts = np.flatnonzero((np.diff(pairs, prepend=-1) != 0).any(axis=0))
+    ends = np.append(starts, len(order)).astype(np.int32)
+    return Borders(np.ascontiguousarray(pairs[:, starts].T), ends, take_rows(places, order), is_flat[order])
 
 
 # --- pieces of segments

@@ -32,7 +32,7 @@ import numpy as np
 import cvtimg.segmentation._segments as _segments
 from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.sums import copy_rows, take_rows
+from cvtimg._shared.sums import copy_rows
 from cvtimg._shared.threads import in_stripes, of_each, side_by_side
 from cvtimg._shared.types import Bools, Floats, Floats32, Indices, Ints
 from cvtimg.labels.components import grid_of_cells
@@ -42,8 +42,8 @@ from cvtimg.segmentation.values import from_nearest
 #: A sweep has transferred almost no pixels if it has transferred at most this share of those on boundaries.
 _ALMOST_NONE = 9e-4
 _MAX_SWEEPS = 1000
-#: Rows of a stripe at least: of 12 megapixels, 16 threads have some each.
-_STRIPE = 64
+#: Rows of a stripe at least: with fewer, 16 threads have more parts of 14 megapixels, and borders meet more stripes.
+_STRIPE = 32
 #: Pixels are near each other up to this distance by default, and correlated where a segment does not explain them.
 RADIUS = 3
 #: Pixels of which variances are taken; up to four times as many where rows are long.
@@ -156,15 +156,16 @@ class SegmentMoments:
         self.masses, self.means = self.rows[:, :n_dims], self.rows[:, n_dims:-1]  # in each channel
         self.energies = self.rows[:, -1]  # of each cell about its mean
 
-    def add(self, changes: Floats) -> None:
-        """Add masses, sums and squares about the means, and move these to where they are then."""
+    def add(self, changes: Floats, cells: Indices | slice = slice(None)) -> None:
+        """Add masses, sums and squares about the means of some cells, and move these to where they are then."""
         n_dims = self.masses.shape[1]
-        masses, sums = self.masses + changes[:, :n_dims], changes[:, n_dims:-1]
-        is_there = masses > 1e-12 * self.masses  # less may be rounding: the cell is gone and keeps its mean
+        before, sums = self.masses[cells], changes[:, n_dims:-1]
+        masses = before + changes[:, :n_dims]
+        is_there = masses > 1e-12 * before  # less may be rounding: the cell is gone and keeps its mean
         step = np.divide(sums, masses, out=np.zeros_like(sums), where=is_there)
-        self.masses[:] = masses
-        self.means += step
-        self.energies[:] = np.maximum(self.energies + changes[:, -1] - (step * sums).sum(axis=1), 0)
+        self.masses[cells] = masses
+        self.means[cells] += step
+        self.energies[cells] = np.maximum(self.energies[cells] + changes[:, -1] - (step * sums).sum(axis=1), 0)
 
     def measure(self, image: Layers, stripes: Sequence[tuple[int, int]], margin: int) -> None:
         """Sum up each segment about the mean that it had, and move that to the mean that it has now."""
@@ -429,14 +430,16 @@ class State:
         apart = min(6 if number == 1 else 2, len(self._stripes))
         groups = [self._stripes[first::apart] for first in range(apart)]
         for stripes in reversed(groups) if backward else groups:
-            changes = np.zeros_like(rows)
+            changes, is_touched = np.zeros_like(rows), np.zeros(len(rows), np.bool_)
             changed = filter(None, of_each(partial(sweep, stripes), len(stripes), work=250.0 * self._n_boundary))
             for n_moved, n_pairs, n_boundary, touched, change in changed:
                 moved += n_moved
                 self._n_pairs += n_pairs
                 self._n_boundary += n_boundary
                 changes[touched] += change
-            self.cells.add(changes)
+                is_touched[touched] = True
+            cells = np.flatnonzero(is_touched)
+            self.cells.add(changes[cells], cells)
         return moved
 
 
@@ -473,7 +476,13 @@ def halved(values: Floats32) -> Floats32:
 def doubled(labels: Ints, shape: tuple[int, ...]) -> Ints:
     """Return the labels of an image of half the size as those of the whole one, of a shape (H, W)."""
     rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in shape)
-    return take_rows(labels.take(columns, axis=1), rows)
+    whole = np.empty(shape, np.int32)
+
+    def double(own: slice) -> None:
+        whole[own] = labels[rows[own]].take(columns, axis=1)
+
+    in_stripes(double, shape[0], work=8.0 * whole.size)
+    return whole
 
 
 def is_deep(radius: int, planes: Planes | None) -> bool:

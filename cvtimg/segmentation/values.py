@@ -91,6 +91,11 @@ def at_pixels(rows: Array, inside: Bools) -> Array:
     return pixels
 
 
+def pixels_of(image: Array, inside: Bools) -> Array:
+    """(n, ...) rows of the n pixels `inside`, (H, W), of an (H, W, ...) image."""
+    return image.reshape(-1, *image.shape[2:]) if inside.all() else image[inside]
+
+
 def from_nearest(pixels: Array, known: Bools) -> Array:
     """Give each pixel, (H, W), that is not known what the nearest known one has."""
     from scipy.ndimage import distance_transform_edt
@@ -101,7 +106,7 @@ def from_nearest(pixels: Array, known: Bools) -> Array:
 def picture_values(image: ImageLike, space: SpaceName, mask: ArrayLike | None) -> PictureValues:
     """Convert an image to a color space; pixels with NaN or infinity in any band are outside the mask."""
     array, inside = check_partial_image("image", image, mask)
-    rows = array.reshape(inside.size, -1) if inside.all() else array[inside]
+    rows = pixels_of(array, inside)
     _check_together(rows)
     levels, spacing = to_levels(rows)
     return values_of(color_samples(levels[None]), inside, space, array.dtype, spacing)

@@ -23,7 +23,7 @@ from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduct
 from cvtimg.segmentation.hierarchy.leaves import Leaves, find_leaves
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy, altitudes_between
-from cvtimg.segmentation.values import PictureValues, in_whole_numbers, picture_values
+from cvtimg.segmentation.values import PictureValues, in_whole_numbers, picture_values, pixels_of
 
 
 def segment_hierarchy(
@@ -101,7 +101,7 @@ def _as_shades(image: Array, inside: Bools, space: SpaceName) -> tuple[Array, fl
     Measurements are stretched to the range that they fill.
     """
     image = narrowed(image)
-    if space == "rgb" or (limits := limits_of_measurements(image[inside])) is None:
+    if space == "rgb" or (limits := limits_of_measurements(pixels_of(image, inside))) is None:
         return image, 0.0, peak(image.dtype)
     low, high = limits
     shares = ((image - np.float64(low)) / (high - low or 1)).clip(0, 1).astype(np.float32)

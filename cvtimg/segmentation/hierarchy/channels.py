@@ -90,7 +90,10 @@ def textons(lightness: Floats32, inside: Bools) -> Ints:
     responses = _responses(lightness).reshape(lightness.size, -1)
     flat = inside.ravel()
     sampled = responses[flat][:: max(SETTINGS.texton_step, flat.sum() // SETTINGS.texton_samples)]
-    n_textons = min(N_TEXTONS, len(np.unique(sampled, axis=0)))
+    distinct = np.unique(sampled[:: 1 + len(sampled) // (16 * N_TEXTONS)], axis=0)
+    if len(distinct) < N_TEXTONS:
+        distinct = np.unique(sampled, axis=0)
+    n_textons = min(N_TEXTONS, len(distinct))
     generators = tessellate(sampled, n_textons, effort="fast").generators
     packed = pack(responses, np.ones(len(responses)), center=np.zeros(responses.shape[1]))
     return assign(packed, packed.frame.inward(generators))[: lightness.size].reshape(lightness.shape)

@@ -12,7 +12,7 @@ from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import absorb_small, connected_pieces, find_borders
-from cvtimg.segmentation.edge_weight import descend
+from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
 from cvtimg.segmentation.hierarchy.leaves import Leaves
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.touching import numbered
@@ -60,8 +60,8 @@ def enlarged(leaves: Leaves, image: Array, inside: Bools, factor: int) -> Leaves
         parents = np.zeros(int(labels.max()) + 1, np.intp)
         parents[labels] = blocks
         parents = parents[1:] - 1
-    labels = _at_edges(image, labels, factor)
-    sizes = np.bincount(labels.ravel(), minlength=len(parents) + 1)[1:].astype(np.float64)
+    at_edges = _at_edges(image, labels, factor)
+    labels, sizes = at_edges.labels, at_edges.masses[:, 0].copy()
     shares = (sizes / leaves.sizes[parents])[:, None]
     borders = find_borders(labels)
     return Leaves(
@@ -75,16 +75,22 @@ def enlarged(leaves: Leaves, image: Array, inside: Bools, factor: int) -> Leaves
     )
 
 
-def _at_edges(image: Array, labels: Ints, factor: int) -> Ints:
+def _at_edges(image: Array, labels: Ints, factor: int) -> EdgeWeighted:
     """Move the borders of leaves, no farther than a block or two, to the edges of the image."""
     some = image[:: factor * 4, :: factor * 4]
     low, high = np.percentile(some, (0.1, 99.9))
     gain = 255 / (high - low) if high > low else 1
-    values = (image.astype(np.float32) - np.float32((low + high) / 2)) * np.float32(gain)
+    values = np.empty(image.shape, np.float32)
+
+    def stretch(rows: slice) -> None:
+        np.subtract(image[rows], np.float32((low + high) / 2), out=values[rows], dtype=np.float32)
+        values[rows] *= np.float32(gain)
+
+    in_stripes(stretch, len(image), 16.0 * image.size, _ROWS)
     n_sweeps = SETTINGS.sweeps * factor
     return descend(
         values, labels, int(labels.max()), edge_weight=SETTINGS.compactness, connected=True, max_sweeps=n_sweeps
-    ).labels
+    )
 
 
 def _known(leaves: Leaves, values: Floats, pairs: Indices) -> Floats:

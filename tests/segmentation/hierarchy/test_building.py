@@ -53,7 +53,7 @@ def test_noise_hides_no_large_shapes(deviation: float) -> None:
     rng = np.random.default_rng(1)
     clean = np.array([70.0, 130, 190])[truth - 1]
     image = np.clip(clean + rng.normal(0, deviation, truth.shape), 0, 255).astype(np.uint8)
-    assert agreement(segment_hierarchy(image, n_leaves=200).cut(3), truth) > 0.97
+    assert agreement(segment_hierarchy(image, n_leaves=200).cut(3), truth) > 0.95
 
 
 @pytest.mark.slow
