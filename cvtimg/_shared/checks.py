@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, is_known, says_alpha
-from cvtimg._shared.sums import contiguous
 from cvtimg._shared.types import Array, Bools, Dtype, Floats, Floats32, Ints
 
 _Name = TypeVar("_Name", bound=str)
@@ -257,7 +256,7 @@ def as_samples(name: str, array: Array) -> Array:
     elif array.dtype not in SAMPLE_DTYPES:
         refuse_type(name, array.dtype, "of integers or of floating point numbers")
     check_finite(name, array)
-    return contiguous(array)
+    return np.ascontiguousarray(array)
 
 
 def check_image(name: str, image: object) -> Array:
@@ -270,7 +269,7 @@ def check_image(name: str, image: object) -> Array:
     if array.dtype.kind == "b":
         return np.ascontiguousarray(array * np.uint8(255))
     if array.dtype.kind in "iu":
-        return contiguous(array.astype(array.dtype.newbyteorder("="), copy=False))
+        return np.ascontiguousarray(array, array.dtype.newbyteorder("="))
     return as_samples(name, array)
 
 

@@ -250,7 +250,7 @@ def _sorted(numbers: Array) -> tuple[Array, Ints, Floats]:
     in_stripes(divide, len(numbers), 64.0 * len(numbers), IN_CACHE)
     parts = np.split(np.argsort(part_of, kind="stable"), np.cumsum(np.bincount(part_of, minlength=len(ends) + 1))[:-1])
 
-    def sort(part: int) -> tuple[Array, Ints]:
+    def sort(part: int) -> tuple[Array, Array]:
         distinct, inverse[parts[part]], counts = np.unique(
             numbers[parts[part]], return_inverse=True, return_counts=True
         )

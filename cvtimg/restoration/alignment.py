@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
+from cvtimg._shared.budgets import IN_CACHE
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_stripes, side_by_side
@@ -210,8 +211,15 @@ class _Pair:
         height, width = self.shape
         at = np.stack([y, x])
         inside = (x >= 1) & (x <= width - 2) & (y >= 1) & (y <= height - 2)
-        weights = inside * self.weights * map_coordinates(self.other_weight, at, order=1, mode="nearest")
-        return self.look(at)[:, 0], np.where(weights > _COMPARED**2, weights, 0)
+        behind, values = np.empty_like(self.weights), np.empty_like(self.values)
+
+        def see(some: slice) -> None:
+            behind[some] = map_coordinates(self.other_weight, at[:, some], order=1, mode="nearest")
+            values[some] = self.look(at[:, some])[:, 0]
+
+        in_stripes(see, len(values), 128.0 * len(values), IN_CACHE >> 4)
+        weights = inside * self.weights * behind
+        return values, np.where(weights > _COMPARED**2, weights, 0)
 
     def improved(self, transform: Floats, n_generators: int) -> tuple[Floats, float, float]:
         """Take steps of least squares along some generators; return the transform, and gain and offset of the other."""
@@ -298,6 +306,6 @@ def moved(bands: Floats32, known: Bools, transform: Floats, estimate: Floats32 |
 
 def _interpolation(image: Floats32) -> Callable[[Floats], Floats32]:
     """Return what gives the (..., C) values of an image, (H, W, C), at rows and columns, (2, ...)."""
-    splines = [spline_filter(band, 3, np.float32, mode="nearest").T for band in image.T]
+    splines = [*side_by_side(lambda band: spline_filter(band, 3, np.float32, mode="nearest").T, [*image.T])]
     look = partial(map_coordinates, order=3, mode="nearest", prefilter=False, output=np.float32)
     return lambda at: np.stack([look(spline, at) for spline in splines], axis=-1)

@@ -227,8 +227,11 @@ def _white_part(offsets: Floats32) -> Floats32:
 def _departures(band: Floats32) -> Floats32:
     """(H, P) median of what each part of a row departs by from the rows around."""
     parts = np.array_split(band, band.shape[1] // _PART, axis=1)
-    medians = of_each(lambda number: median_filter(parts[number], (_ABOUT, 1)), len(parts), 100.0 * band.size)
-    return np.stack([np.median(part - around, axis=1) for part, around in zip(parts, medians, strict=True)], axis=1)
+
+    def departure(number: int) -> Floats32:
+        return np.asarray(np.median(parts[number] - median_filter(parts[number], (_ABOUT, 1)), axis=1))
+
+    return np.stack(of_each(departure, len(parts), 100.0 * band.size), axis=1)
 
 
 def _are_of_rows(departures: Floats32) -> bool:

@@ -222,10 +222,15 @@ def clipped_ends(values: Floats32, known: Bools, true: Floats32, sigma: Floats32
     """Tell whether known values pile up at 0 and at `white` as Gaussian noise that is clipped there would."""
 
     def piles_up(end: float) -> bool:
-        n_there = int(np.count_nonzero((values == end) & known))
-        away = np.abs(np.clip(true, 0, white) - end) / sigma if n_there else true
-        return n_there > 0 and n_there >= float(ndtr(-away).sum(dtype=np.float64, where=known)) / 2
+        n_there = sum(in_stripes(lambda rows: np.count_nonzero((values[rows] == end) & known[rows]), len(true), work))
 
+        def expected(rows: slice) -> float:
+            away = np.abs(np.clip(true[rows], 0, white) - end) / sigma[rows]
+            return float(ndtr(-away).sum(dtype=np.float64, where=known[rows]))
+
+        return bool(n_there) and bool(n_there >= sum(in_stripes(expected, len(true), 16 * work)) / 2)
+
+    work = 4.0 * true.size
     return piles_up(0.0), piles_up(white)
 
 

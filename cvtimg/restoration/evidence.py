@@ -13,6 +13,7 @@ by far, or on the mean of a small window by a little. Nothing is left out where 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -279,22 +280,24 @@ def misfits_of_most(
 def exposures(placed: Versions) -> Floats:
     """(S, C, 2) gain and offset of each version in place that bring it to the levels of the first."""
     tones = np.tile([1.0, 0.0], (placed.n_versions, placed.stack[0].shape[2], 1))
-    first = _levels(placed, 0)
-    for version in range(1, placed.n_versions):
-        other = _levels(placed, version)
-        both = np.flatnonzero(np.isfinite(first + other).all(axis=1))
+    first, *others = side_by_side(partial(_levels, placed), range(placed.n_versions))
+
+    def fit(number: int) -> None:
+        both = np.flatnonzero(np.isfinite(first + others[number]).all(axis=1))
         if len(both) >= _TOLD[0]:
             both = both[:: -(-len(both) // _TOLD[1])]
-            lines = [*side_by_side(_line, [*zip(other[both].T, first[both].T, strict=True)])]
+            lines = [*side_by_side(_line, [*zip(others[number][both].T, first[both].T, strict=True)])]
             if not any(line is None for line in lines):
-                tones[version] = lines
+                tones[number + 1] = lines
+
+    deque(side_by_side(fit, range(len(others))), maxlen=0)
     return tones
 
 
 def _levels(versions: Versions, version: int) -> Floats:
     """(T, C) means of the known pixels of windows; NaN where few are known or some are clipped."""
     values, known = versions.bands(version), versions.known[:, :, version]
-    means = np.stack([_means(band, known) for band in np.moveaxis(values, 2, 0)], axis=1)
+    means = np.stack([*side_by_side(lambda band: _means(values[:, :, band], known), range(values.shape[2]))], axis=1)
     if versions.white is not None:
         for clipped, most in zip((values <= 0, values >= versions.white), _CLIPPED, strict=True):
             means[_means(np.any(clipped, axis=2), known) >= most] = np.nan
@@ -309,7 +312,7 @@ def _line(pairs: tuple[Floats, Floats]) -> tuple[float, float] | None:
     if min(np.ptp(values), np.ptp(wanted)) == 0:
         return None
     # What is left of noise and of motion, in both, biases the slope of a regression of either on the other alike.
-    slopes = [theilslopes(*pair).slope for pair in ((wanted, values), (values, wanted))]
+    slopes = [*side_by_side(lambda pair: theilslopes(*pair).slope, [(wanted, values), (values, wanted)])]
     gain = float(np.sqrt(max(slopes[0], 0) / slopes[1])) if slopes[1] > 0 else 0.0
     offset = float(np.median(wanted - gain * values))
     scale = 1.4826 * np.median(np.abs(gain * values + offset - wanted))

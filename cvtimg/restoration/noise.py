@@ -14,7 +14,7 @@ texture in it; it tells how noise follows the level of the picture, and what ban
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +24,7 @@ from scipy.ndimage import uniform_filter
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
-from cvtimg._shared.types import Array, Floats, Floats32, Indices
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Indices
 from cvtimg.restoration.versions import Clipped, Versions, fill
 
 #: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: this number
@@ -182,7 +182,7 @@ class _Look:
     def of(versions: Versions, *numbers: int) -> _Look:
         """Take one version, or what two of them differ by."""
         bands = [versions.bands(number) for number in numbers]
-        image = np.mean(bands, axis=0)
+        image = bands[0] if len(bands) == 1 else np.mean(bands, axis=0)
         values = image if len(bands) == 1 else np.subtract(*bands) * np.float32(np.sqrt(0.5))
         lost = np.max([versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers], axis=0)
         known = np.asarray(versions.known[:, :, numbers].all(axis=2))
@@ -210,7 +210,8 @@ class _Look:
                 if np.count_nonzero(inside) >= max(enough, (most > 0) * inside.size / 2):
                     patches = np.moveaxis(values[inside], 1, 3).astype(np.float64)
                     patches /= np.sqrt(1 - holes[inside])[:, None, None, None]  # which are filled without noise
-                    return patches, image[inside].mean(axis=(2, 3), dtype=np.float64)
+                    bands = [image[:, :, band] for band in range(image.shape[2])]
+                    return patches, np.stack([*side_by_side(partial(_means_of, inside), bands)], axis=1)
         return None
 
     @cached_property
@@ -222,6 +223,11 @@ class _Look:
             means, sigmas = (values.astype(np.float32) for values in (measured[1], levels + 1e-3))
             levels /= np.sqrt(Clipped.of(means, sigmas, self.white).variance.mean(axis=0))
         return levels
+
+
+def _means_of(inside: Bools, patches: Floats32) -> Floats:
+    """(N,) means of the patches, (H, W, side, side), that are inside, (H, W)."""
+    return np.asarray(patches[inside].mean(axis=(1, 2), dtype=np.float64))
 
 
 def _looks(versions: Versions, *, in_place: bool) -> list[tuple[int, ...]]:
@@ -423,15 +429,24 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     planes, _ = np.linalg.qr([(1, *place) for place in np.ndindex(_BLOCK, _BLOCK)])  # what fits them best is no noise
     blocks = (rows - planes @ (planes.T @ rows)).reshape(whole[0].shape)
     even, odd = _halves_of(blocks)
-    halves = [((blocks + sign * blocks[:, ::-1, ::-1]) / 2, _order_of(half)) for sign, half in ((1, odd), (-1, even))]
+
+    def half(sign: int) -> tuple[Floats, Indices]:
+        return (blocks + sign * blocks[:, ::-1, ::-1]) / 2, _order_of(odd if sign == 1 else even)
+
+    halves = [*side_by_side(half, (1, -1))]
     side = np.hanning(_BLOCK + 2)[1:-1]
     window, sides = np.outer(side, side), (2 * _BLOCK,) * 2
 
     def spectrum(*shares: float) -> Floats:
         """(X, Y, C, C) mean of the products of the bands of waves of some blocks."""
         group = slice(*(int(share * len(blocks)) for share in shares))
-        waves = (np.fft.rfft2(half[order[group]] * window[:, :, None], sides, axes=(1, 2)) for half, order in halves)
-        return np.asarray(sum(np.einsum("bxyi,bxyj->xyij", wave, wave.conj()) / len(wave) for wave in waves))
+
+        def products(number: int) -> Floats:
+            blocks, order = halves[number]
+            wave = np.fft.rfft2(blocks[order[group]] * window[:, :, None], sides, axes=(1, 2))
+            return np.asarray(np.einsum("bxyi,bxyj->xyij", wave, wave.conj()) / len(wave))
+
+        return np.asarray(sum(side_by_side(products, (0, 1))))
 
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
     white, quiet = np.square(window).sum(), spectrum(_GROUPS[0 if look.has_texture else 2])

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_partial_image
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.sums import contiguous
 from cvtimg._shared.types import Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import grid_of_cells
@@ -70,7 +71,7 @@ def superpixels(
     """
     bands, known = check_partial_image("image", image, mask)
     frame = frame_of(bands, known)
-    values = picture_values(frame.of(bands), check_choice("space", space, SPACES), frame.of(known))
+    values = picture_values(contiguous(frame.of(bands)), check_choice("space", space, SPACES), frame.of(known))
     given = check_edge_weight(compactness, "compactness")
     n_superpixels = check_count("n_superpixels", n_superpixels, int(values.inside.sum()), "the number of pixels")
     field = values.field()
