@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import DTypeLike
 
+from cvtimg._shared.budgets import IN_CACHE
 from cvtimg._shared.checks import check_channels, check_choice, check_within
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Dtype, Floats
 
 # Oklab, Björn Ottosson 2020, https://bottosson.github.io/posts/oklab/: linear sRGB to cone responses, and the cube
@@ -131,11 +133,14 @@ def to_space(colors: Array, space: SpaceName) -> Array:
     if space == "rgb":
         return colors
     check_channels("an image", colors.shape[1], (1, 3), f"for space={space!r}")
-    unit = colors / peak(colors.dtype)
     if colors.dtype.kind in "if":
         check_within(f"{colors.dtype} samples", colors, 0, peak(colors.dtype), f" for space={space!r}")
-    places = chosen.forward(np.repeat(unit.astype(np.float64), 3 // colors.shape[1], axis=1))
-    return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
+
+    def places(rows: slice) -> Floats:
+        unit = (colors[rows] / peak(colors.dtype)).astype(np.float64)
+        return chosen.forward(np.repeat(unit, 3 // unit.shape[1], axis=1))[:, : unit.shape[1]] + 0.0  # no -0.0
+
+    return np.concatenate(in_stripes(places, len(colors), 256.0 * colors.size, IN_CACHE) or [places(slice(0))])
 
 
 def from_space(places: Floats, space: SpaceName, dtype: np.dtype[np.generic]) -> Array:

@@ -12,8 +12,9 @@ MOST_PATHS = LZW_MOST_PATHS
 
 cdef extern from "similarity.h" nogil:
     enum: BLUR_RADIUS
-    void blur_plane(
-        const float *plane, const float *weights, Py_ssize_t height, Py_ssize_t width, float *line, float *out
+    void blur_rows(
+        const float *plane, const float *weights, Py_ssize_t height, Py_ssize_t width, Py_ssize_t first, Py_ssize_t last,
+        float *line, float *out,
     )
     void sum_errors(
         const float *a, const float *b, const float *mean_a, const float *mean_b, const float *square_a,
@@ -69,28 +70,25 @@ cdef extern from "lzw.h" nogil:
     void lzw_map(const rate_band *band, lzw_scratch *scratch, Py_ssize_t n_rows)
 
 
-def blur(const float[:, ::1] plane, const float[::1] weights):
-    """Blur a plane (H, W) by the weights of 11 pixels along each axis."""
-    cdef Py_ssize_t height = plane.shape[0], width = plane.shape[1]
-    blurred, line = np.empty_like(plane), np.empty(width + 2 * BLUR_RADIUS, np.float32)
-    cdef float[:, ::1] out = blurred
-    cdef float[::1] scratch = line
+def blur(const float[:, ::1] plane, const float[::1] weights, Py_ssize_t first, float[:, ::1] out):
+    """Blur rows of a plane (H, W), from the first on as many as `out` has, by the weights of 11 pixels along each axis."""
+    cdef Py_ssize_t height = plane.shape[0], width = plane.shape[1], last = first + out.shape[0]
+    cdef float[::1] line = np.empty(width + 2 * BLUR_RADIUS, np.float32)
     with nogil:
-        blur_plane(&plane[0, 0], &weights[0], height, width, &scratch[0], &out[0, 0])
-    return blurred
+        blur_rows(&plane[0, 0], &weights[0], height, width, first, last, &line[0], &out[0, 0])
 
 
 def errors(
     const float[:, ::1] a, const float[:, ::1] b, const float[:, ::1] mean_a, const float[:, ::1] mean_b,
     const float[:, ::1] square_a, const float[:, ::1] square_b, const float[:, ::1] product,
 ):
-    """Return the sums of the errors d and d^4 in structure, artifacts and lost detail, from planes and their blurs."""
-    sums = np.zeros(N_ERRORS)
-    cdef double[::1] out = sums
+    """(H, 6) sums of the errors d and d^4 of rows in structure, artifacts and lost detail, from planes and their blurs."""
+    sums = np.empty((a.shape[0], N_ERRORS))
+    cdef double[:, ::1] out = sums
     with nogil:
         sum_errors(
             &a[0, 0], &b[0, 0], &mean_a[0, 0], &mean_b[0, 0], &square_a[0, 0], &square_b[0, 0], &product[0, 0],
-            a.shape[0], a.shape[1], &out[0],
+            a.shape[0], a.shape[1], &out[0, 0],
         )
     return sums
 

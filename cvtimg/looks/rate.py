@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 import cvtimg.looks._looks as _looks
+from cvtimg._shared.sums import copy_rows
 from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bytes, Floats, Floats32
 from cvtimg.looks.similarity import blurred
@@ -78,18 +79,32 @@ def visibility(brightness: Array, bits: float = 0.0) -> Floats32:
     power of grain (Z.-L. Lu, B. A. Dosher, J. Opt. Soc. Am. A 16 (1999) 764-778, doi:10.1364/JOSAA.16.000764).
     """
     # Squares of less are rounded less. Four blurs of sigma 1.5 are one of 3.
-    levels = np.pad(np.asarray(brightness, np.float32) - 128, ((0, 0), (REACH, REACH)), "symmetric")
-    planes = [levels, levels * levels]
+    (height, width), seen = brightness.shape, np.empty(brightness.shape, np.float32)
+    planes = [*np.empty((2, height, width + 2 * REACH), np.float32)]
+
+    def begin(rows: slice) -> None:
+        levels = np.asarray(brightness[rows], np.float32) - 128
+        planes[0][rows] = np.pad(levels, ((0, 0), (REACH, REACH)), "symmetric")
+        np.square(planes[0][rows], out=planes[1][rows])
+
+    in_stripes(begin, height, 8.0 * seen.size)
     for _ in range(4):
         planes = blurred(planes)
     mean, square = planes
-    # The plane that fits best in a Gaussian window has the slope of the blurred brightness.
-    slopes = [np.gradient(mean, axis=axis) for axis in range(2) if mean.shape[axis] > 1]
-    variance = square - mean * mean
-    rest = variance - sum(np.float32(9) * slope * slope for slope in slopes)
-    variance, rest = (np.maximum(some[:, REACH:-REACH], np.float32(0)) for some in (variance, rest))
-    hidden = 1 / (1 + np.sqrt(variance) / np.float32(3))
-    return np.maximum(hidden, np.float32(bits) / (1 + np.float32(_GRAIN) * rest))
+
+    def weigh(rows: slice) -> None:
+        first = max(rows.start - 1, 0)
+        near, own = mean[first : rows.stop + 1], slice(rows.start - first, rows.stop - first)
+        # The plane that fits best in a Gaussian window has the slope of the blurred brightness.
+        slopes = [np.gradient(near, axis=axis)[own] for axis in range(2) if mean.shape[axis] > 1]
+        variance = square[rows] - near[own] * near[own]
+        rest = variance - sum(np.float32(9) * slope * slope for slope in slopes)
+        variance, rest = (np.maximum(some[:, REACH:-REACH], np.float32(0)) for some in (variance, rest))
+        hidden = 1 / (1 + np.sqrt(variance) / np.float32(3))
+        seen[rows] = np.maximum(hidden, np.float32(bits) / (1 + np.float32(_GRAIN) * rest))
+
+    in_stripes(weigh, height, 32.0 * seen.size)
+    return seen
 
 
 def map_by_rate(
@@ -134,7 +149,7 @@ def map_by_rate(
 def _wide(places: Floats32) -> Floats32:
     """Return places with four coordinates, the last of them 0."""
     wide = np.zeros((*places.shape[:-1], 4), np.float32)
-    wide[..., : places.shape[-1]] = places
+    copy_rows(places, wide[..., : places.shape[-1]])
     return wide
 
 

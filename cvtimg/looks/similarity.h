@@ -29,25 +29,25 @@ LOOKS_CLONES static void blur_along(const float *const *rows, const float *weigh
   }
 }
 
-// Blur a plane; outside are zeros at the sides, and mirrors above and below. `line` has width + 10.
-static void blur_plane(const float *plane, const float *weights, Py_ssize_t height, Py_ssize_t width,
-                       float *line, float *out) {
+// Blur rows of a plane; outside are zeros at the sides, and mirrors above and below. `line` has width + 10.
+static void blur_rows(const float *plane, const float *weights, Py_ssize_t height, Py_ssize_t width,
+                      Py_ssize_t first, Py_ssize_t last, float *line, float *out) {
   const float *rows[2 * BLUR_RADIUS + 1], *shifted[2 * BLUR_RADIUS + 1];
   memset(line, 0, sizeof(float) * (size_t)(width + 2 * BLUR_RADIUS));
   for (int k = 0; k <= 2 * BLUR_RADIUS; k++) shifted[k] = line + k;
-  for (Py_ssize_t y = 0; y < height; y++) {
+  for (Py_ssize_t y = first; y < last; y++) {
     for (int k = 0; k <= 2 * BLUR_RADIUS; k++) {
       Py_ssize_t from = y + k - BLUR_RADIUS;
       while (from < 0 || from >= height) from = from < 0 ? -1 - from : 2 * height - 1 - from;
       rows[k] = plane + from * width;
     }
     blur_along(rows, weights, width, line + BLUR_RADIUS);
-    blur_along(shifted, weights, width, out + y * width);
+    blur_along(shifted, weights, width, out + (y - first) * width);
   }
 }
 
 // The maps of errors of a plane a against b, given blurred planes, squares and products: sums of d and d^4 of structure,
-// artifacts and lost detail.
+// artifacts and lost detail, of each row.
 LOOKS_CLONES static void sum_errors(const float *a, const float *b, const float *mean_a, const float *mean_b,
                                     const float *square_a, const float *square_b, const float *product,
                                     Py_ssize_t n_rows, Py_ssize_t width, double *sums) {
@@ -67,7 +67,7 @@ LOOKS_CLONES static void sum_errors(const float *a, const float *b, const float 
       of_row[4] += lost;
       of_row[5] += lost * lost * (lost * lost);
     }
-    for (int j = 0; j < 6; j++) sums[j] += of_row[j];
+    for (int j = 0; j < 6; j++) sums[6 * y + j] = of_row[j];
   }
 }
 

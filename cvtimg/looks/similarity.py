@@ -12,7 +12,7 @@ import numpy as np
 
 import cvtimg.looks._looks as _looks
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.threads import in_stripes, of_each
+from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Floats, Floats32
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
@@ -180,13 +180,26 @@ def _n_busy(linear: Floats32) -> int:
     """Return the number of pixels (3, H, W) in whose window there is more than one color, or that of all if none."""
     from scipy.ndimage import maximum_filter  # which takes long to import
 
-    differs = np.zeros(linear.shape[1:], np.bool_)
-    for axis, rows in enumerate((differs, differs.T)):
-        steps = (np.diff(linear, axis=axis + 1) != 0).any(axis=0)
-        steps = steps if axis == 0 else steps.T
-        rows[:-1] |= steps
-        rows[1:] |= steps
-    return int(np.count_nonzero(maximum_filter(differs, len(_BLUR)))) or differs.size
+    differs, reach = np.zeros(linear.shape[1:], np.bool_), len(_BLUR) // 2
+
+    def compare(rows: slice) -> None:
+        first = max(rows.start - 1, 0)
+        part = linear[:, first : rows.stop + 1]
+        near = np.zeros(part.shape[1:], np.bool_)
+        for axis, here in enumerate((near, near.T)):
+            steps = (np.diff(part, axis=axis + 1) != 0).any(axis=0)
+            steps = steps if axis == 0 else steps.T
+            here[:-1] |= steps
+            here[1:] |= steps
+        differs[rows] = near[rows.start - first :][: rows.stop - rows.start]
+
+    def count(rows: slice) -> int:
+        first = max(rows.start - reach, 0)
+        near = maximum_filter(differs[first : rows.stop + reach], len(_BLUR))
+        return int(np.count_nonzero(near[rows.start - first :][: rows.stop - rows.start]))
+
+    in_stripes(compare, len(differs), 16 * linear.size)
+    return sum(in_stripes(count, len(differs), 8 * linear.size)) or differs.size
 
 
 def _pyramid(image: Array, ground: float) -> list[Floats32]:
@@ -199,8 +212,16 @@ def _pyramid(image: Array, ground: float) -> list[Floats32]:
 
 def _halved(linear: Floats32) -> Floats32:
     height, width = linear.shape[1:]
-    even = np.pad(linear, ((0, 0), (0, height % 2), (0, width % 2)), mode="edge")
-    return np.float32(0.25) * ((even[:, ::2, ::2] + even[:, ::2, 1::2]) + (even[:, 1::2, ::2] + even[:, 1::2, 1::2]))
+    half = np.empty((3, -(-height // 2), -(-width // 2)), np.float32)
+
+    def halve(rows: slice) -> None:
+        part = linear[:, 2 * rows.start : 2 * rows.stop]
+        even = np.pad(part, ((0, 0), (0, part.shape[1] % 2), (0, width % 2)), mode="edge")
+        half[:, rows] = (even[:, ::2, ::2] + even[:, ::2, 1::2]) + (even[:, 1::2, ::2] + even[:, 1::2, 1::2])
+        half[:, rows] *= np.float32(0.25)
+
+    in_stripes(halve, half.shape[1], 8 * linear.size)
+    return half
 
 
 def _linear(image: Array, ground: float) -> Floats32:
@@ -256,16 +277,24 @@ def _planes(linear: Floats32) -> Floats32:
 
 def blurred(*factors: list[Floats32] | Floats32) -> list[Floats32]:
     """Blur planes, or the products of planes, by a Gaussian of sigma 1.5; beyond the sides are zeros."""
+    out, reach = [np.empty(plane.shape, np.float32) for plane in factors[0]], len(_BLUR) // 2
 
-    def blur(channel: int) -> Floats32:
-        return _looks.blur(np.ascontiguousarray(reduce(np.multiply, (planes[channel] for planes in factors))), _BLUR)
+    def blur(rows: slice) -> None:
+        first = max(rows.start - reach, 0)
+        for channel, plane in enumerate(out):
+            part = reduce(np.multiply, (planes[channel][first : rows.stop + reach] for planes in factors))
+            _looks.blur(np.ascontiguousarray(part), _BLUR, rows.start - first, plane[rows])
 
-    return of_each(blur, len(factors[0]), 20 * len(factors[0]) * factors[0][0].size)
+    in_stripes(blur, len(out[0]), 20 * len(out) * out[0].size)
+    return out
 
 
 def _sums_of_errors(original: _Scale, planes: Floats32) -> Floats:
     """Return the sums of each error and of its fourth power, (3, 2, 3) by channel."""
-    differs, reach = (original.planes != planes).any(axis=0), len(_BLUR) // 2
+    stripes = in_stripes(
+        lambda rows: (original.planes[:, rows] != planes[:, rows]).any(axis=0), planes.shape[1], planes.size
+    )
+    differs, reach = np.concatenate(stripes), len(_BLUR) // 2
     inner, wide = list[slice](), list[slice]()
     for axis in range(2):  # there are errors only in windows with differences, which are part of many drawings
         places = np.flatnonzero(differs.any(axis=1 - axis))
@@ -277,10 +306,13 @@ def _sums_of_errors(original: _Scale, planes: Floats32) -> Floats:
     seen = original.planes[:, *wide], planes[:, *wide]
     others = blurred(seen[1]), blurred(seen[1], seen[1]), blurred(*seen)
 
-    def errors(channel: int) -> Floats:
-        means, squares, products = (some[channel][*inner] for some in others)
-        whole = [some[channel][*wide][*inner] for some in (original.planes, original.means, original.squares)]
-        bands = whole[0], seen[1][channel][*inner], whole[1], means, whole[2], squares, products
-        return _looks.errors(*map(np.ascontiguousarray, bands))
+    whole = [[plane[*wide] for plane in some] for some in (original.planes, original.means, original.squares)]
+    bands = whole[0], seen[1], whole[1], others[0], whole[2], *others[1:]
 
-    return np.reshape(of_each(errors, 3, 20 * seen[0].size), (3, 3, 2)).transpose(0, 2, 1)
+    def errors(rows: slice) -> Floats:
+        part = slice(inner[0].start + rows.start, inner[0].start + rows.stop), inner[1]
+        parts = ([np.ascontiguousarray(some[channel][*part]) for some in bands] for channel in range(3))
+        return np.stack([_looks.errors(*of_channel) for of_channel in parts], axis=1)
+
+    rows = np.concatenate(in_stripes(errors, inner[0].stop - inner[0].start, 20 * seen[0].size))
+    return np.cumsum(rows, axis=0)[-1].reshape(3, 3, 2).transpose(0, 2, 1)  # one row after the other

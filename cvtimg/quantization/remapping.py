@@ -17,6 +17,7 @@ from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, psnr, says_alpha, white_among, with_mark
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import take_rows
+from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bools, Bytes, Floats, ImageLike, Ints
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -368,11 +369,13 @@ def _energy(samples: ColorSamples, palette: Array, labels: Ints) -> float:
     inverse = samples.inverse
     if samples.inside is not None:
         inverse, labels = inverse[samples.inside][:, None], labels[samples.inside][:, None]
-    energy, n_rows = 0.0, -(-_PIXELS_AT_ONCE // inverse.shape[1])
-    for top in range(0, len(inverse), n_rows):
-        steps = places[inverse[top : top + n_rows]].astype(np.float64) - ends[labels[top : top + n_rows]]
-        energy += float(np.einsum("hwd,hwd->", steps, steps))
-    return energy
+
+    def energy(rows: slice) -> float:
+        steps = places[inverse[rows]].astype(np.float64) - ends[labels[rows]]
+        return float(np.einsum("hwd,hwd->", steps, steps))
+
+    n_rows = -(-_PIXELS_AT_ONCE // inverse.shape[1])
+    return sum(in_stripes(energy, len(inverse), 32.0 * inverse.size, n_rows))
 
 
 def nearest(points: Points, places: Array) -> Ints:
