@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -236,7 +237,7 @@ def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     counts = in_stripes(
         lambda block: np.bincount(inverse[block], minlength=len(taken)), len(inverse), 8.0 * len(inverse), n_in_stripe
     )
-    return distinct, inverse, np.sum(counts, axis=0, dtype=np.float64)
+    return distinct, inverse, reduce(np.add, counts).astype(np.float64)
 
 
 def _sorted(numbers: Array) -> tuple[Array, Ints, Floats]:

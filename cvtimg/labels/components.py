@@ -118,7 +118,8 @@ def grid_of_cells(inside: Bools, n_cells: int) -> Ints:
     n_columns = max(1, min(width, round(np.sqrt(n_all * width / height)), round(n_all)))
     n_rows = max(1, min(height, round(n_all / n_columns)))
     rows, columns = np.arange(height) * n_rows // height, np.arange(width) * n_columns // width
-    cells = np.add.outer((rows * n_columns).astype(np.int32), (columns + 1).astype(np.int32))
+    cells = np.empty((height, width), np.int32)
+    in_stripes(lambda own: np.add.outer(rows[own] * n_columns, columns + 1, out=cells[own]), height, 4.0 * cells.size)
     if inside.all():
         return cells
     pieces = connected_pieces(np.where(inside, cells, 0))

@@ -20,6 +20,7 @@ J. Wang, L. Ju, X. Wang, IEEE Transactions on Image Processing 18 (2009) 1844-18
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
@@ -255,12 +256,16 @@ class State:
         small._settle(small._move_regions(of_pixels / side, least / side, most / side), _MAX_SWEEPS)
         after = image.labels[margin:-margin, margin:-margin]
         columns = np.minimum(np.arange(width) // side, before.shape[1] - 1)
-        for first, last in self._stripes:
-            labels = self._image.rows(first, last, margin).labels[margin:-margin, margin:-margin]
-            rows = np.minimum(np.arange(first, last) // side, len(before) - 1)
-            y, x = np.nonzero((after != before)[rows].take(columns, axis=1))
+        has_changed = after != before
+
+        def enlarge(stripe: tuple[int, int]) -> None:
+            labels = self._image.rows(*stripe, margin).labels[margin:-margin, margin:-margin]
+            rows = np.minimum(np.arange(*stripe) // side, len(before) - 1)
+            y, x = np.nonzero(has_changed[rows].take(columns, axis=1))
             blocks = rows[y], columns[x]
             labels[y, x] = np.where(labels[y, x] == before[blocks], after[blocks], labels[y, x])
+
+        deque(side_by_side(enlarge, self._stripes), maxlen=0)
         self._changed()
         return max(self._describe(least, most), of_pixels)
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_non_negative
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.progress import part
+from cvtimg._shared.sums import contiguous, take_rows
 from cvtimg._shared.types import Array, Bools, Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.rules import CHORD_ENDS
@@ -125,7 +126,7 @@ def segment(
         n_segments = check_count("n_segments", n_segments, 1 << 16, "the largest number of segment colors")
     bands, known, size_of_voxels = checked_bands(image, spacing, mask)
     shape, planes, frame = known.shape, None, frame_of(bands, known)
-    bands, known = frame.of(bands), frame.of(known)
+    bands, known = contiguous(frame.of(bands)), contiguous(frame.of(known))
     framed = known.shape
     if spacing is not None:
         bands, known, planes = below_each_other(bands, known, size_of_voxels[0], edge_radius)
@@ -143,9 +144,11 @@ def segment(
     samples: Any = values.samples if start is None else start[values.inside]
     with part(0.4 if curve else 0, 0.6):
         cells = tessellate(samples, n_cells, effort=effort, volume_power=volume_power, rng=rng)
-    own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
+    own = cells.labels + np.int32(1)
+    if start is None:
+        own = take_rows(own, values.samples.inverse[0])
     with part(0.6, 1):
-        labels, descent = prepared.settle(at_pixels(own + np.int32(1), values.inside), n_cells)
+        labels, descent = prepared.settle(at_pixels(own, values.inside), n_cells)
     weight, field = descent.edge_weight if descent else 0.0, prepared.field
     if components or size or objects:  # pieces and objects are numbered as the image is read
         data, is_same = prepared.data, prepared.data is field

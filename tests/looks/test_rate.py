@@ -104,9 +104,9 @@ def test_bands_cost_few_bytes_and_are_several(monkeypatch: pytest.MonkeyPatch) -
     cup, bands = cvtimg.read_image("sample_images/coffee.png"), list[int]()
     palette, stripes = np.asarray(cvtimg.quantize(cup, 256, effort="fast").palette), rate_module.in_stripes
 
-    def counted(kernel: Callable[[slice], None], n_rows: int, work: float, n: int) -> None:
-        bands.append(-(-n_rows // n))
-        stripes(kernel, n_rows, work, n)
+    def counted(kernel: Callable[[slice], None], n_rows: int, work: float, n: int = 0) -> None:
+        bands.extend([-(-n_rows // n)] if n else [])
+        stripes(kernel, n_rows, work, n or 32)
 
     monkeypatch.setattr(rate_module, "in_stripes", counted)
     in_bands = len(zlib.compress(mapped(0.4, cup, palette).tobytes(), 9))

@@ -20,7 +20,7 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.noise import averaged, noise_covariance, noise_gain
-from cvtimg.segmentation.values import PictureValues, from_nearest
+from cvtimg.segmentation.values import PictureValues, from_nearest, pixels_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,9 +87,10 @@ def _full_contrast(rows: Floats32, noise: Floats) -> tuple[float, float]:
 
 def textons(lightness: Floats32, inside: Bools) -> Ints:
     """(H, W) number of the pattern around each pixel."""
-    responses = _responses(lightness).reshape(lightness.size, -1)
-    flat = inside.ravel()
-    sampled = responses[flat][:: max(SETTINGS.texton_step, flat.sum() // SETTINGS.texton_samples)]
+    responses = _responses(lightness)
+    sampled = pixels_of(responses, inside)
+    sampled = sampled[:: max(SETTINGS.texton_step, len(sampled) // SETTINGS.texton_samples)]
+    responses = responses.reshape(lightness.size, -1)
     distinct = np.unique(sampled[:: 1 + len(sampled) // (16 * N_TEXTONS)], axis=0)
     if len(distinct) < N_TEXTONS:
         distinct = np.unique(sampled, axis=0)
