@@ -195,9 +195,7 @@ def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasur
     check_shape("points", places.shape, places.shape[1] in (2, 3), "(N, 2) or (N, 3), a place in each row")
     corners = check_triangles("triangles", triangles, len(places))
     a, b, c = (places[corners[:, k]] for k in range(3))
-    sides = np.sort(
-        [np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1), np.linalg.norm(b - a, axis=1)], axis=0
-    )
+    sides = np.sort(np.linalg.norm([c - b, a - c, b - a], axis=2), axis=0)
     u, v, is_flat = b - a, c - a, places.shape[1] == 2
     areas = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] if is_flat else np.linalg.norm(np.cross(u, v), axis=1)) / 2
     short, middle, long = sides

@@ -99,7 +99,7 @@ def _refined(mesh: PlaneTriangulation, ends: Ints, shortest: float, dropped: Boo
 def _bad(mesh: PlaneTriangulation) -> tuple[Indices, Points, Floats, Ints]:
     """Find triangles with small angles, the worst first, and their circumcircles, and narrow corners of borders."""
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
-    sides = np.stack([np.linalg.norm(p - q, axis=1) for p, q in ((b, a), (c, b), (a, c))], axis=1)
+    sides = np.linalg.norm([b - a, c - b, a - c], axis=2).T
     shortest, each = sides.argmin(axis=1), np.arange(len(sides))
     is_corner = (mesh.borders[each, shortest - 1] > 0) & (mesh.borders[each, shortest - 2] > 0)
     angles = measure_triangles(mesh.points, mesh.triangles).least_angles

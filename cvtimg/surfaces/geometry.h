@@ -163,7 +163,7 @@ static void add_part(int32_t vertex, const double *u, const double *v, double ar
 static void add_kites(const struct half_edges *mesh, const double *density, int32_t t, double *masses, double *pulls)
 {
     const int32_t *v = mesh->vertices + 3 * (ptrdiff_t)t;
-    double squares[3], weights[3], center[3] = {0, 0, 0}, sum = 0, at_center = 0, normal[3], u[3], w[3];
+    double squares[3], weights[3], center[3] = {0, 0, 0}, sum = 0, at_center = 0, normal[3];
     const double *p[3];
 
     for (int k = 0; k < 3; k++)
@@ -172,9 +172,7 @@ static void add_kites(const struct half_edges *mesh, const double *density, int3
         squares[k] = squared_distance(p[(k + 1) % 3], p[(k + 2) % 3]);
     for (int k = 0; k < 3; k++)
         sum += weights[k] = squares[k] * (squares[(k + 1) % 3] + squares[(k + 2) % 3] - squares[k]);
-    subtract3(u, p[1], p[0]);
-    subtract3(w, p[2], p[0]);
-    cross3(normal, u, w);
+    normal_of(normal, p[0], p[1], p[2]);
     double area = 0.5 * sqrt(dot3(normal, normal));
     if (sum <= 0 || area <= 0)
         return;

@@ -36,8 +36,7 @@ def write_graph(file: BinaryIO, grid: GridContent) -> None:
     """Write the graph of cells for METIS, which divides it among processes: neighbors of each, numbered from 1."""
     around = grid.around
     lines = [f"{len(grid.points)} {int((around.cells_on_edge >= 0).all(axis=1).sum())}"]
-    for row in (around.cells_on_cell + 1).tolist():
-        lines.append(" ".join(str(cell) for cell in row if cell))
+    lines += [" ".join(str(cell) for cell in row if cell) for row in (around.cells_on_cell + 1).tolist()]
     file.write(("\n".join(lines) + "\n").encode())
 
 
