@@ -1,5 +1,6 @@
 """Claims about versions side by side: what is known of each, and its weight."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -112,3 +113,9 @@ def test_range_keeps_the_mean_of_a_segment_that_no_version_tells() -> None:
 def test_median_is_that_of_all_values_of_a_segment(seen: list[float], median: float) -> None:
     colors: Array = median_colors(levels([], seen))
     np.testing.assert_array_equal(colors.ravel(), [median, 10])
+
+
+def test_values_whose_squares_float32_may_not_hold_are_refused() -> None:
+    for size, holds in ((0.8e17, True), (1.5e17, False), (1.5e-17, True), (0.8e-17, False)):
+        with nullcontext() if holds else pytest.raises(ValueError, match="have a size of 1e-17 to 1e"):
+            stack_versions([np.full((4, 4), size)])

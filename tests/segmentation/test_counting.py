@@ -216,3 +216,11 @@ def test_light_is_a_polynomial_of_the_fourth_degree() -> None:
         light = np.float32(x**degree - x ** (degree - 2) * y**2)
         away = field_of_view._light(light, np.ones(light.shape, bool)) - (light - np.median(light))
         assert (np.ptp(away) < 0.01) == is_light
+
+
+def test_a_bright_field_of_view_has_three_objects_on_it_or_more() -> None:
+    field = discs([(60, 60, 50)], (120, 120)) > 0
+    for n in (2, 3):
+        objects = field & (discs([(60, 40 + 20 * number, 5) for number in range(n)], field.shape) == 0)
+        around = field_of_view.surroundings(np.float32(objects), objects, np.ones(field.shape, bool), 3)
+        assert (around is not None) == (n == 3)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from cvtimg._shared.types import Array
 from cvtimg.segmentation.noise import noise_covariance
-from cvtimg.segmentation.values import to_levels
+from cvtimg.segmentation.values import Spacing, to_levels
 
 
 def noise_of(image: Array) -> Array:
@@ -89,3 +89,4 @@ def test_samples_without_even_spacing_come_back() -> None:
 def test_levels_are_the_smallest_whole_numbers() -> None:
     levels, spacing = to_levels(np.uint16([257 * 4, 257 * 10, 257 * 7]))
     assert (levels.tolist(), spacing.offset, spacing.step) == ([0, 2, 1], 1028, 771)
+    assert Spacing().samples(levels).tolist() == [0, 2, 1]
