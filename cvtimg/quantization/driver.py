@@ -77,7 +77,7 @@ class _Aiming(NamedTuple):
     # For files that must be small: streaks look better than few colors.
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
     # A search for a quality ends with a result that is better by at most `close`, and by that more with each mapping
-    # after the third.
+    # after the fourth.
     close: float = 0.5
     # A sample so near to the quality is enough to go on with the whole; so far above it are other numbers of colors
     # tried, that prices then lower.
@@ -446,7 +446,7 @@ class _Search:
                 self._mapped(setting)
                 least, most_below, most_above = self.least(), 2.5 * _AIMING.close, 2.5 * _AIMING.close
                 if self._given:
-                    most_below, most_above = 0, _AIMING.close * max(1, n - 2)
+                    most_below, most_above = 0, _AIMING.close * max(1, n - 3)
                 if any(-most_below <= self._seen(some) - least <= most_above for some in self._whole):
                     break
                 setting = self._following(least + (most_above - most_below) / 2)
@@ -559,9 +559,9 @@ class _Palettes:
 
     def __init__(self, how: QuantizeOptions, source: Source) -> None:
         self.most: Any = how.n_colors or len(np.asarray(how.palette))
-        self._how, self._counted, self._unlike = how, source.seen, 1.0
-        with part(0, 0.1):
-            found = [*map(finder(how), self._counted)]
+        self._how, self._counted, self._unlike = how, source.counted, 1.0
+        with part(0, 0.1):  # of few colors each stands for what is common, however rough
+            found = [*map(finder(how), source.seen if self.most == MAX_ENTRIES else source.counted)]
         self._has_all = how.palette is None and all(one.tessellation is None for one in found)
         if self._has_all:
             self.most = max(len(one.colors) for one in found)
@@ -572,7 +572,8 @@ class _Palettes:
     @cached_property
     def _merged(self) -> list[Merged]:
         fixed = [fixed_colors(samples, self._how.locked)[1] for samples in self._counted]
-        return [*map(merged_colors, self._found[self.most], repeat(self.most), fixed, self._counted)]
+        found = self._found[self.most] if self._has_all else [*map(finder(self._how), self._counted)]
+        return [*map(merged_colors, found, repeat(self.most), fixed, self._counted)]
 
     def mapped(
         self, pixels: Source, n_colors: int, price: float, strength: float | None = None, n_matches: int | None = None

@@ -105,7 +105,7 @@ def test_palettes_for_eyes_serve_smooth_areas_more_than_texture_which_hides_erro
     rough = np.random.default_rng(0).integers(0, 256, smooth.shape)
     image = np.concatenate([smooth, rough], axis=1).astype(np.uint8)
     colors = image[:, :64].reshape(-1, 1, 3).astype(float)
-    palettes = [cvtimg.quantize(image, 32, **how).palette for how in ({"goal": "eyes"}, {"space": "oklab"})]
+    palettes = [cvtimg.quantize(image, 256, **how).palette for how in ({"goal": "eyes"}, {"space": "oklab"})]
     eyes, plain = (((colors - palette) ** 2).sum(axis=2).min(axis=1).mean() for palette in palettes)
     assert eyes < 0.7 * plain, eyes / plain
 
