@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from cvtimg import reduced_basis, write_image
-from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.types import Array
 from cvtimg.bases import KINDS, Basis, as_snapshots, read_basis, reduction
 from cvtimg.pictures import Frames, write_frames, write_pages
@@ -230,16 +229,3 @@ def test_a_sketch_has_two_coordinates_for_each_mode_and_24_more(
     monkeypatch.setattr(reduction, "sketch", asked)
     with pytest.raises(LookupError, match=f"^{rank}$"):
         reduced_basis(np.zeros((1500, 1200), np.float32), n_modes, kind=kind)
-
-
-def test_a_cvod_is_the_best_of_four_starts_that_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = []
-    iterate = reduction.iterate
-    monkeypatch.setattr(reduction, "iterate", lambda *start: seen.append(start[2]) or iterate(*start))
-    reduced_basis(SNAPSHOTS, 2, kind="cvod", n_cells=3)
-    assert seen == [Stopping(1e-6, 100)] * 4
-
-
-@pytest.mark.parametrize(("apart", "alike"), [(0.35e-12, True), (0.65e-12, False)])
-def test_coordinates_that_differ_by_some_thousand_roundings_are_the_same(apart: float, alike: bool) -> None:
-    assert (np.ptp(reduction._settled(np.array([1.0, 1 + apart]))) == 0) == alike

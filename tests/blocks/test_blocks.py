@@ -1,8 +1,8 @@
 """Samples in blocks give what samples in memory give, whoever works on the blocks, and say which block is wrong."""
 
 import pickle
+import tracemalloc
 from collections.abc import Callable, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,9 @@ import pytest
 from reference import squared_distances
 
 from cvtimg import tessellate
+from cvtimg._shared.budgets import ROWS_AT_ONCE
 from cvtimg._shared.types import Array, Floats
-from cvtimg.blocks import BlockError, Blocks, as_blocks, open_blocks, passes
+from cvtimg.blocks import BlockError, Blocks, Spread, as_blocks, open_blocks, passes
 from cvtimg.blocks.rows import is_blocked
 from cvtimg.engine import Tessellation, block_descent, search
 
@@ -315,6 +316,11 @@ def test_the_same_rows_are_drawn_whatever_the_blocks_and_far_ones_always() -> No
         np.testing.assert_allclose(found.spread.energy(), ((rows - rows.mean(axis=0)) ** 2).sum(), rtol=1e-9)
 
 
-def test_eight_sums_are_added_at_a_time() -> None:
-    parts = passes.over_blocks(blocks(length=100), lambda block: [], lambda parts: [len(parts), *chain(*parts)])
-    assert parts == [3, 8, 8, 4]
+def test_what_is_made_of_rows_at_once_takes_less_than_100_mb() -> None:
+    block = passes.Block(0, np.zeros((3 * ROWS_AT_ONCE, 3), np.uint8), None)
+    tracemalloc.start()
+    for rows, weights in block.pieces():
+        Spread.of(rows, weights)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 50e6 < peak < 110e6

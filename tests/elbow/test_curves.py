@@ -110,6 +110,7 @@ def test_rules_on_curves_made_by_hand() -> None:
     assert curve_of([1000.0, 400, 100, 40, 20, 10]).elbow("variance", 0.5) == 2
     assert curve_of([65025.0, 650.25, 65.025], 255.0).elbow("psnr", 40.0) == 2
     assert Scale(6, 255.0).floor(np.ones(1)) == pytest.approx(6 / 12)  # of samples that are rounded to whole levels
+    assert Scale(1, None).floor(np.array([8.0, 1.0])) == pytest.approx(8e-3)  # of tables, that are not
     numbers = np.arange(1.0, 17)  # the energy falls by a power of them that is so much greater up to four
     bends = [np.maximum(numbers**-power, 4 ** (1 - power) / numbers) for power in (1.4, 3.0)]
     assert [curve_of((1e4 * bend).tolist()).is_clear for bend in bends] == [False, True]
@@ -229,7 +230,3 @@ def test_clusters_are_three_errors_beyond_eight_even_tables_of_2000_rows(
     points = pack(np.random.default_rng(0).normal(size=(5000, 2)), np.ones(5000))
     assert curves._is_one_cluster(points, np.random.default_rng(0)) == is_one
     assert sizes == [2000] * 9
-
-
-def test_energies_of_tables_below_a_thousandth_of_the_first_hardly_differ() -> None:
-    assert Scale(1.0, None).floor(np.array([8.0, 1.0])) == pytest.approx(8e-3)

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from cvtimg._shared.types import Array, Floats, Ints
-from cvtimg.engine import EFFORTS, METHODS, evolution, samples, tessellation
+from cvtimg.engine import EFFORTS, METHODS, evolution, tessellation
 from cvtimg.engine.all_counts import chain
 from cvtimg.engine.methods import Conditions, Ends, Iteration, Method, Stopping
 from cvtimg.engine.points import Points, cell_moments, float32_suffices, pack
 from cvtimg.engine.samples import pack_in_order
 from cvtimg.engine.search import search
-from cvtimg.engine.seeding import split
 
 
 def summed_by_hand(rows: Array, density: Floats, labels: Ints, n_cells: int) -> Floats:
@@ -75,24 +74,6 @@ def test_tables_are_sorted_where_cells_that_are_far_are_ruled_out(
     assert (pack_in_order(rows, np.ones(200), n_generators)[1] is not None) == ordered
 
 
-@pytest.mark.parametrize(("n_dims", "drawn"), [(50, False), (80, True)])
-def test_seeds_of_many_columns_are_drawn(n_dims: int, drawn: bool) -> None:
-    rows = np.random.default_rng(0).normal(size=(100, n_dims))
-    seeds = [split(pack(rows, np.ones(100)), 4, np.random.default_rng(seed)) for seed in range(3)]
-    assert (seeds[0] != seeds[1]).any() == drawn
-    assert (seeds[0] != seeds[2]).any() == drawn
-
-
-@pytest.mark.parametrize(("n_rows", "ordered"), [(6_000_000, True), (12_000_000, False)])
-def test_sorting_more_than_eight_million_rows_would_cost_more_than_it_saves(
-    n_rows: int, ordered: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(samples, "pack", lambda *_, **__: None)
-    monkeypatch.setattr(samples, "along_curve", len)
-    rows = np.broadcast_to(np.zeros((1, 2)), (n_rows, 2))
-    assert (pack_in_order(rows, np.ones(1), 50)[1] is not None) == ordered
-
-
 @pytest.mark.parametrize(
     ("n_rows", "n_generators", "n_fewer", "rests"),
     [
@@ -121,11 +102,6 @@ def test_searches_are_on_fewer_points_and_rest_soon(
 
 
 # Evolution
-
-
-def test_ends_nearer_than_a_millionth_are_one_tessellation() -> None:
-    ends = Ends(np.zeros((4, 1, 1)), np.array([1, 1 + 0.7e-6, 1 + 2.2e-6, 2]))
-    assert evolution._survivors(ends, 9).energies.tolist() == [1, 1 + 2.2e-6, 2]
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ def test_a_proved_cover_holds_at_each_of_many_places_and_one_by_three_gets_tight
     assert supports.proved
     assert ((apart <= supports.radii).sum(axis=1) >= order).all()
     loose = support_radii(points, region, order, tighten=False)
-    assert loose.overlap.nnz - supports.overlap.nnz >= (order == 3 and region.n_dims == 2)
+    assert supports.overlap.nnz <= (0.85 if order == 3 and region.n_dims == 2 else 1) * loose.overlap.nnz
 
 
 @pytest.mark.slow
@@ -108,11 +108,6 @@ def test_masks_points_on_the_boundary_and_single_points_are_taken(region: Any, p
 def test_wrong_arguments_are_named(arguments: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         support_radii(*arguments)
-
-
-def test_few_balls_of_uneven_points_meet() -> None:
-    points = np.random.default_rng(0).random((60, 2)) ** 3 * 0.98 + 0.01
-    assert 816 < support_radii(points, SQUARE, 3).overlap.nnz < 832
 
 
 @pytest.mark.slow

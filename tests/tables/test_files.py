@@ -10,7 +10,7 @@ import pytest
 from cvtimg._shared.types import Array
 from cvtimg.blocks import Spread
 from cvtimg.tables import Dialect, find_tables, read_table, write_generators, write_row_labels
-from cvtimg.tables.files import Table, is_large_table
+from cvtimg.tables.files import Table
 
 RNG = np.random.default_rng(5)
 
@@ -182,12 +182,6 @@ def test_structured_arrays_are_read_by_name(tmp_path: Path) -> None:
     assert read_table(tmp_path / "a.npy", missing="drop").left_out == {"id": "text"}
 
 
-def test_a_missing_value_in_an_array_is_named_by_its_row_from_0(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", [[1, 2], [3, np.nan]])
-    with pytest.raises(ValueError, match=r"row 1 \(from 0\), column 'col1': the value is missing"):
-        read_table(tmp_path / "a.npy")
-
-
 @pytest.mark.parametrize(
     ("array", "message"),
     [
@@ -198,6 +192,7 @@ def test_a_missing_value_in_an_array_is_named_by_its_row_from_0(tmp_path: Path) 
         (np.array([[1j]]), "column 'col0' of type complex128 is not of numbers"),
         (np.array([["x"]]), "column 'col0' of type <U1 is not of numbers"),
         (np.zeros(2, [("a", "f8", 2)]), r"no column of numbers \(a: arrays\)"),
+        (np.array([[1, 2], [3, np.nan]]), r"row 1 \(from 0\), column 'col1': the value is missing"),
     ],
 )
 def test_what_is_wrong_in_an_array_is_named(tmp_path: Path, array: Array, message: str) -> None:
@@ -299,12 +294,3 @@ def test_a_thousand_rows_tell_how_numbers_are_written(file: Path, row: int, is_r
 def test_a_column_counts_rows_if_there_are_ten(file: Path, n_rows: int, is_left_out: bool) -> None:
     text = "n,v\n" + "".join(f"{n},{n * 7 % 5 + 0.5}\n" for n in range(n_rows))
     assert ("n" in read(file, text).left_out) == is_left_out
-
-
-@pytest.mark.parametrize(("n_bytes", "is_large"), [(0.7 * 2**30, False), (1.5 * 2**30, True)])
-def test_arrays_of_more_than_a_gibibyte_are_large(tmp_path: Path, n_bytes: float, is_large: bool) -> None:
-    with (tmp_path / "a.npy").open("wb") as file:
-        header = {"descr": "<f8", "fortran_order": False, "shape": (int(n_bytes) // 8,)}
-        np.lib.format.write_array_header_1_0(file, header)
-        file.truncate(file.tell() + int(n_bytes) // 8 * 8)  # of holes, which take no room
-    assert is_large_table(tmp_path / "a.npy") == is_large
