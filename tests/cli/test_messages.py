@@ -53,6 +53,18 @@ quantize a.png -k 4 -o more/../a.png --overwrite | is an input, which is never r
 quantize a.png -k 4 -o link.png --overwrite | is an input, which is never replaced
 quantize a.png -k 4 --out-dir . --overwrite | is an input, which is never replaced
 quantize a.png b.png -k 4 --out-dir more/.. --overwrite | is an input, which is never replaced
+quantize a.png -k 5 --lock house.hex --save-palette house.hex --overwrite | an input, which is never replaced
+palette a.png -k 5 --lock house.hex --save-palette house.hex --overwrite | an input, which is never replaced
+quantize proj -k 4 --in-place --yes | proj/a.png is a link to
+quantize proj/*.png -k 4 --in-place | orig/a.png, a file elsewhere
+quantize proj/a.png -k 4 --in-place | orig/a.png, a file elsewhere
+quantize a.png -k 4 --overwrite --out-dir proj | a file elsewhere, which is not replaced
+quantize a.png -k 4 --overwrite -o proj/a.png | a file elsewhere, which is not replaced
+quantize a.png -k 4 --overwrite -o c.png --report proj/r.csv | a file elsewhere, which is not replaced
+quantize a.png -o nothing | nothing is a folder, and must be a file; for a folder there is --out-dir
+quantize a.png -o new/ | for a folder there is --out-dir
+quantize a.png --palette gameboy | gameboy: is no file, and no known palette: cga, game-boy
+quantize orig/x/a.png orig/y/a.png -k 4 --out-dir o | give orig, which has both, to keep their folders
 quantize a.png -k 4 --weight-map none.png | --weight-map: none.png: no such file
 quantize a.png -k 3 --weight-map pages.tif | has 3 pages, where one image is expected
 quantize a.png -k 4 --weight-map a.png | --weight-map: a.png: must be a gray image
@@ -128,6 +140,10 @@ info nothing | nothing: no images in this folder
 quantize a.png -k 4 -o wrong.gpl/out.png | wrong.gpl/out.png
 quantize a.png -k 4 -o nowhere/out.png | nowhere/out.png
 quantize a.png -k 4 -o b.png | b.png: exists already; pass --overwrite to replace it
+quantize a.png -k 4 -o b.png --dry-run | b.png: exists already
+quantize none.png -k 4 -o c.png --dry-run | none.png: no such file
+quantize a.png -k 4 -o self.png | a.png: self.png:
+quantize self.png -k 4 | self.png: no such file
 quantize a.png -k 4 --out-dir wrong.gpl | cvtimg: wrong.gpl:
 quantize a.png -k 4 --out-dir wrong.gpl/below | cvtimg: wrong.gpl/below:
 quantize a.png -k 4 -o c.png --save-palette wrong.gpl | wrong.gpl: exists already
@@ -189,9 +205,9 @@ explore --no-browser none.png | none.png: no such file
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with files of all kinds, most of them of little use."""
     made = tmp_path_factory.mktemp("files")
-    for name in ("more", "nothing"):
-        (made / name).mkdir()
-    for name in ("a.png", "b.png", "more/a.tif"):
+    for name in ("more", "nothing", "proj", "orig/x", "orig/y"):
+        (made / name).mkdir(parents=True)
+    for name in ("a.png", "b.png", "more/a.tif", "orig/a.png", "orig/x/a.png", "orig/y/a.png"):
         write_image(made / name, RGB)
     write_image(made / "clear.png", np.zeros((6, 6, 4), np.uint8))
     write_image(made / "six.tif", np.zeros((2, 2, 6), np.uint8))
@@ -220,6 +236,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "trees.csv": "site,height,girth,count\nS0,1,5,1\nS1,2,6,1\nS2,9,4,2\nS3,8,7,3\n",
         "box.csv": "name,low,high\nspeed,0,30\nheat,20,90\n",
         "odd.csv": "name,low,high,kind,levels,unit\na,0,1,odd,,\n",
+        "house.hex": "ff0000\n",
+        "orig/r.csv": "mine",
         "far.csv": "x1,x2\n5,5\n",
         "empty.png": "",
         "text.png": "This is no picture.\n",
@@ -227,7 +245,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     }
     for name, text in texts.items():
         (made / name).write_text(text)
-    (made / "link.png").symlink_to("a.png")
+    for name, target in (("link.png", "a.png"), ("self.png", "self.png")):
+        (made / name).symlink_to(target)
+    for name in ("proj/a.png", "proj/r.csv"):
+        (made / name).symlink_to(f"../orig/{name[5:]}")
     Image.fromarray(np.tile(RGB, (9, 9, 1))).save(made / "cut.jpg")
     (made / "cut.jpg").write_bytes((made / "cut.jpg").read_bytes()[:-2000])
     return made
@@ -244,11 +265,11 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(
     command: str, status: int, said: str, folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
-    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    before = {path: path.lstat().st_mtime_ns for path in folder.rglob("*")}
     words = shlex.split(command)
     outcome = run(*words)
     assert (outcome.status, outcome.out) == (status, ""), outcome.err
     assert re.fullmatch(r"cvtimg: [^\n]+\n", outcome.err)
     assert said in outcome.err
     assert words[0] not in COMMANDS or (f"(see cvtimg {words[0]} --help)" in outcome.err) == (status == 2)
-    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+    assert {path: path.lstat().st_mtime_ns for path in folder.rglob("*")} == before

@@ -3,7 +3,6 @@
 import io
 import json
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -171,19 +170,6 @@ def test_sizes_can_have_units(text: str, size: int) -> None:
     assert n_bytes(text) == size
 
 
-@pytest.mark.parametrize("given", ["proj", "proj/*.png", "proj/a.png"])
-def test_in_place_replaces_no_file_elsewhere_through_a_link(run: Run, given: str) -> None:
-    Path("proj").mkdir()
-    Path("orig").mkdir()
-    write_image("orig/master.png", read_image("a.png"))
-    Path("proj/a.png").symlink_to("../orig/master.png")
-    before = Path("orig/master.png").read_bytes()
-    outcome = run("quantize", given, "-k", "4", "--in-place", "--yes", "--quiet")
-    assert outcome.status == 2
-    assert re.search(r"proj/a\.png is a link to .*/orig/master\.png, a file elsewhere", outcome.err)
-    assert Path("orig/master.png").read_bytes() == before
-
-
 def test_in_place_follows_links_within_a_folder_that_is_given(run: Run) -> None:
     Path("proj/store").mkdir(parents=True)
     write_image("proj/store/b.png", read_image("a.png"))
@@ -198,28 +184,3 @@ def test_in_place_follows_links_within_a_folder_that_is_given(run: Run) -> None:
     outcome = run("quantize", "proj", "-k", "2", "--in-place", "--yes", "--quiet")
     assert outcome.status == 2
     assert "proj/a.png and proj/store/b.png would both become" in outcome.err
-
-
-@pytest.mark.parametrize(
-    "outputs", [["--out-dir", "out"], ["-o", "out/a.png"], ["-o", "b.png", "--report", "out/r.csv"]]
-)
-def test_outputs_replace_no_file_elsewhere_through_a_link(run: Run, outputs: list[str]) -> None:
-    Path("out").mkdir()
-    for name in ("a.png", "r.csv"):
-        Path("orig").mkdir(exist_ok=True)
-        Path("orig", name).write_text("mine")
-        Path("out", name).symlink_to(f"../orig/{name}")
-    outcome = run("quantize", "a.png", "-k", "4", "--overwrite", "--quiet", *outputs)
-    assert outcome.status == 2
-    assert "a file elsewhere, which is not replaced" in outcome.err
-    assert [Path("orig", name).read_text() for name in ("a.png", "r.csv")] == ["mine"] * 2
-
-
-def test_links_in_a_circle_are_named(run: Run) -> None:
-    Path("self.png").symlink_to("self.png")
-    outcome = run("quantize", "a.png", "-k", "4", "-o", "self.png", "--quiet")
-    assert outcome.status == 1
-    assert outcome.err.startswith("cvtimg: a.png: self.png: ")
-    outcome = run("quantize", "a.png", "self.png", "-k", "4", "--out-dir", "out", "--quiet")
-    assert outcome.status == 1
-    assert "self.png: no such file" in outcome.err
