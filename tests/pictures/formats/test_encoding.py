@@ -156,17 +156,6 @@ def test_optimizing_is_for_png_and_says_what_it_needs(tmp_path: Path, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-def test_more_than_256_colors_with_alpha_are_written_as_pixels(tmp_path: Path) -> None:
-    picture = np.random.default_rng(8).integers(0, 256, (20, 30, 4), np.uint8)
-    pixels, palette = quantize(picture, 300, alpha=True).content
-    assert palette is None
-    for suffix in (".png", ".tif", ".webp"):
-        write_image(tmp_path / f"a{suffix}", pixels)
-        np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), pixels)
-    with pytest.raises(ValueError, match=r"\.gif cannot hold transparency; use one of \.png, \.tif"):
-        write_image(tmp_path / "a.gif", pixels)
-
-
 @pytest.mark.parametrize("alpha", [None, 128])
 @pytest.mark.parametrize("colored", [False, True])
 def test_the_smallest_form_has_the_same_colors_in_fewer_bytes(alpha: int | None, colored: bool) -> None:
