@@ -12,9 +12,10 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
+from scipy.special import ndtri
 
 from cvtimg._shared.threads import side_by_side
-from cvtimg._shared.types import Array, Bools, Floats, Floats32
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints64
 
 #: Standard deviations at which a Gaussian is cut off, as in SciPy: time grows with it.
 TRUNCATE = 4.0
@@ -114,13 +115,15 @@ def without_impulses(plane: Floats32) -> Floats32:
         around = median_filter(plane, 3, mode="mirror")
         away = np.abs(plane - around)
         # The largest of this many values of normal noise.
-        out = float(np.median(away)) / MEDIAN_OF_NORMAL * np.sqrt(2 * np.log(plane.size))
+        out = _deviation(plane, away) * np.sqrt(2 * np.log(plane.size))
         hits = away > out
         y, x = np.nonzero(hits)
-        padded = np.pad(plane, 1, mode="reflect" if min(plane.shape) > 1 else "edge")
-        near = np.stack([padded[y + down, x + right] for down, right in np.ndindex(3, 3) if (down, right) != (1, 1)])
+        near = _near(plane, y, x)
         alone = (plane[y, x] > near.max(axis=0, initial=-np.inf) + out) | (plane[y, x] < near.min(axis=0) - out)
         steps = (plane - around)[y, x]
+        others = plane.copy()  # impulses that touch lend each other nothing
+        others[y[alone], x[alone]] = around[y[alone], x[alone]]
+        near = _near(others, y, x)
         lent = (near[[1, 3, 4, 6]].mean(axis=0) - near[[0, 2, 5, 7]].mean(axis=0)) * np.sign(steps)
         if not abs(lent[alone].sum()) < NEXT_TO_LIGHT * np.abs(steps[alone]).sum():
             break
@@ -130,3 +133,25 @@ def without_impulses(plane: Floats32) -> Floats32:
         most = 2 + np.log(n) / -np.log(chance) if chance < 1 else np.inf
         plane = np.where(hits & (np.bincount(pieces.ravel())[pieces] <= most), around, plane)
     return plane
+
+
+def _near(plane: Floats32, y: Ints64, x: Ints64) -> Floats32:
+    """(8, N) values of the pixels next to some, row by row, reflected at the border."""
+    padded = np.pad(plane, 1, mode="reflect" if min(plane.shape) > 1 else "edge")
+    return np.stack([padded[y + down, x + right] for down, right in np.ndindex(3, 3) if (down, right) != (1, 1)])
+
+
+def _deviation(plane: Floats32, away: Floats32) -> float:
+    """Return the standard deviation of noise of which values are `away` from medians, also where most are rounded to 0.
+
+    Values are rounded if all are multiples of a unit apart. What leaves most blocks of 3 x 3 pixels as they are is no
+    noise.
+    """
+    share = np.count_nonzero(away) / away.size
+    if share >= 0.5:
+        return float(np.median(away)) / MEDIAN_OF_NORMAL
+    steps = np.diff(np.unique(plane))
+    if share < 1 - _FLAT ** (1 / 9) or len(steps) < 2:
+        return 0.0
+    in_units = steps / steps.min()
+    return float(steps.min() / 2 / ndtri(1 - share / 2)) if np.allclose(in_units, np.rint(in_units), atol=0.01) else 0.0

@@ -122,6 +122,8 @@ TREATMENTS = {
     "half a pixel": lambda image: ndimage.shift(image, 0.5, order=1, mode="nearest"),
     "larger by half": enlarged,
     "shade": lambda image: image + np.linspace(0, 60, SIDE),
+    "rounded to some levels": lambda image: np.rint(image / 13),
+    "impulses alone": lambda image: np.where(image > 120, 255, np.where(image < 80, 0, 128))[:60, :50],
     "pepper": lambda image: np.where(SPRINKLED, 0, image),
     "salt": lambda image: np.where(SPRINKLED, 255, image),
 }
