@@ -314,13 +314,8 @@ def test_the_list_of_commands_cuts_no_summary(run: Run, monkeypatch: pytest.Monk
     ("shell", "given", "found"),
     [
         ("bash", {"COMP_WORDS": "cvtimg quantize --dither f", "COMP_CWORD": "3"}, "floyd-steinberg"),
-        *(
-            pytest.param(*one, marks=pytest.mark.slow)
-            for one in (
-                ("zsh", {"_TYPER_COMPLETE_ARGS": "cvtimg quantize --dither f"}, "floyd-steinberg"),
-                ("fish", {"_TYPER_COMPLETE_ARGS": "cvtimg seg", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}, "segment"),
-            )
-        ),
+        ("zsh", {"_TYPER_COMPLETE_ARGS": "cvtimg quantize --dither f"}, "floyd-steinberg"),
+        ("fish", {"_TYPER_COMPLETE_ARGS": "cvtimg seg", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}, "segment"),
     ],
 )
 def test_shells_complete_commands_options_and_choices(shell: str, given: dict[str, str], found: str) -> None:

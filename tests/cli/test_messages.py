@@ -55,6 +55,7 @@ quantize a.png -k 4 --out-dir . --overwrite | is an input, which is never replac
 quantize a.png b.png -k 4 --out-dir more/.. --overwrite | is an input, which is never replaced
 quantize a.png -k 5 --lock house.hex --save-palette house.hex --overwrite | an input, which is never replaced
 palette a.png -k 5 --lock house.hex --save-palette house.hex --overwrite | an input, which is never replaced
+quantize twins -k 4 --in-place --yes | twins/a.png and twins/b.png would both become
 quantize proj -k 4 --in-place --yes | proj/a.png is a link to
 quantize proj/*.png -k 4 --in-place | orig/a.png, a file elsewhere
 quantize proj/a.png -k 4 --in-place | orig/a.png, a file elsewhere
@@ -133,8 +134,6 @@ info ball.stl | is a surface and not an image; cvtimg surface ball.stl
 info wrong.gpl | is a palette and not an image; cvtimg palette wrong.gpl
 cluster a.png -k 2 | is not text; for images there is cvtimg segment
 quantize none.png -k 4 | none.png: no such file
-info empty.png | empty.png: is empty
-info text.png | text.png: cannot be read: unknown image format
 info cut.jpg | cut.jpg: is truncated
 info nothing | nothing: no images in this folder
 quantize a.png -k 4 -o wrong.gpl/out.png | wrong.gpl/out.png
@@ -205,9 +204,9 @@ explore --no-browser none.png | none.png: no such file
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with files of all kinds, most of them of little use."""
     made = tmp_path_factory.mktemp("files")
-    for name in ("more", "nothing", "proj", "orig/x", "orig/y"):
+    for name in ("more", "nothing", "proj", "twins", "orig/x", "orig/y"):
         (made / name).mkdir(parents=True)
-    for name in ("a.png", "b.png", "more/a.tif", "orig/a.png", "orig/x/a.png", "orig/y/a.png"):
+    for name in ("a.png", "b.png", "more/a.tif", "twins/b.png", "orig/a.png", "orig/x/a.png", "orig/y/a.png"):
         write_image(made / name, RGB)
     write_image(made / "clear.png", np.zeros((6, 6, 4), np.uint8))
     write_image(made / "six.tif", np.zeros((2, 2, 6), np.uint8))
@@ -239,13 +238,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "house.hex": "ff0000\n",
         "orig/r.csv": "mine",
         "far.csv": "x1,x2\n5,5\n",
-        "empty.png": "",
-        "text.png": "This is no picture.\n",
         "off.csv": "x,y,z\n1,0,0\n0,3,0\n0,0,1\n-1,0,0\n0,-1,0\n0,0,-1\n",
     }
     for name, text in texts.items():
         (made / name).write_text(text)
-    for name, target in (("link.png", "a.png"), ("self.png", "self.png")):
+    for name, target in (("link.png", "a.png"), ("self.png", "self.png"), ("twins/a.png", "b.png")):
         (made / name).symlink_to(target)
     for name in ("proj/a.png", "proj/r.csv"):
         (made / name).symlink_to(f"../orig/{name[5:]}")

@@ -42,15 +42,6 @@ def test_quantize_finds_one_palette_for_all_pages(row_of: RowOf) -> None:
     np.testing.assert_array_equal(pages_of("each.tif"), np.stack([quantize(page, 9).image for page in STACK]))
 
 
-def test_pages_of_a_volume_have_no_edges_with_each_other(row_of: RowOf) -> None:
-    down, right = np.mgrid[:20, :30]
-    disc = np.uint8(200 * (np.hypot(down - 10, right - 15) < 6))
-    tifffile.imwrite("discs.tif", np.stack([disc, 200 - disc]), photometric="minisblack")
-    row_of("segment", "discs.tif", "-k", "2", "--edge-weight", "100", "--volume")
-    pages = [segment(page, 2, edge_weight=100).labels for page in (disc, 200 - disc)]
-    np.testing.assert_array_equal(pages_of("discs-labels.tif"), pages)
-
-
 def test_info_and_palette_count_all_pages(row_of: RowOf) -> None:
     row = row_of("info", "rgb.tif")
     assert (row["frames"], row["distinct_colors"]) == (3, len(np.unique(STACK.reshape(-1, 3), axis=0)))

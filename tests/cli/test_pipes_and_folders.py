@@ -172,15 +172,8 @@ def test_sizes_can_have_units(text: str, size: int) -> None:
 
 def test_in_place_follows_links_within_a_folder_that_is_given(run: Run) -> None:
     Path("proj/store").mkdir(parents=True)
-    write_image("proj/store/b.png", read_image("a.png"))
-    Path("proj/store/b.png").rename("proj/store/b.data")
+    Path("proj/store/b.data").write_bytes(Path("a.png").read_bytes())
     Path("proj/a.png").symlink_to("store/b.data")
     assert run("quantize", "proj", "-k", "4", "--in-place", "--yes", "--quiet").status == 0
     assert len(image_info("proj/store/b.data").bands) == 1
     assert Path("proj/a.png").is_symlink()
-    Path("proj/store/b.data").rename("proj/store/b.png")
-    Path("proj/a.png").unlink()
-    Path("proj/a.png").symlink_to("store/b.png")
-    outcome = run("quantize", "proj", "-k", "2", "--in-place", "--yes", "--quiet")
-    assert outcome.status == 2
-    assert "proj/a.png and proj/store/b.png would both become" in outcome.err

@@ -25,7 +25,6 @@ from cvtimg.sphere import earth_land
 pytestmark = pytest.mark.filterwarnings("ignore:the border needs more than")
 
 L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
-FRAME = [[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]]
 
 
 def edges_of(mesh: Mesh) -> Floats:

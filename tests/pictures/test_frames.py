@@ -142,11 +142,7 @@ def test_disposal_of_a_gif_is_honoured(tmp_path: Path, disposal: int) -> None:
     write_frames(tmp_path / "b.png", shown, palettes=palettes)
     for again in (read_frames(tmp_path / "b.gif"), read_frames(tmp_path / "b.png")):
         for got, wanted in zip(again.images, frames.images, strict=True):
-            np.testing.assert_array_equal(over_green(rgba(got)), over_green(rgba(wanted)))
-
-
-def rgba(image: Array) -> Array:
-    return image if image.shape[2] == 4 else np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
+            np.testing.assert_array_equal(over_green(got), over_green(wanted))
 
 
 def test_the_default_picture_of_an_apng_is_no_frame(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from damaging import damage, psnr
+from damaging import as_bytes, damage, psnr
 from scipy.ndimage import shift as moved_by
 from skimage.transform import ProjectiveTransform, warp
 
@@ -79,11 +79,8 @@ def two_frames(photograph: Bytes, model: str, sigma: float) -> list[Bytes]:
     inner = np.array([[1, 0, 20], [0, 1, 20], [0, 0, 1.0]])
     to_first = inner @ np.linalg.inv(MOTIONS[model]) @ np.linalg.inv(inner)
     other = warp(photograph, ProjectiveTransform(to_first), order=3, preserve_range=True, mode="edge")
-    rng = np.random.default_rng(0)
-    return [
-        np.clip(np.rint(frame[20:164, 20:236] + rng.normal(0, sigma, (144, 216, 3))), 0, 255).astype(np.uint8)
-        for frame in (photograph, other * [0.7, 0.8, 0.85])
-    ]
+    looks, rng = (photograph, other * [0.7, 0.8, 0.85]), np.random.default_rng(0)
+    return [as_bytes(look[20:164, 20:236] + rng.normal(0, sigma, (144, 216, 3))) for look in looks]
 
 
 def error(found: Floats, true: Any, shape: tuple[int, ...]) -> float:
@@ -148,9 +145,7 @@ def test_a_series_is_no_worse_than_one_frame_where_detail_is_finer_than_pixels(s
         return np.asarray(fine.reshape(96, 2, 112, 2, 3).mean(axis=(1, 3)))
 
     looks = [frame(*shift) for shift in ((8, 8), (2, 13), (15, 1), (9, 10))]
-    frames = [
-        np.clip(np.rint(look + sigma * rng.standard_normal(look.shape)), 0, 255).astype(np.uint8) for look in looks
-    ]
+    frames = [as_bytes(look + sigma * rng.standard_normal(look.shape)) for look in looks]
     alone, together = (denoise(some, align=some is frames).image for some in (frames[:1], frames))
     inner = slice(6, -6)
     scores = [psnr(image[inner, inner] / 255, looks[0][inner, inner] / 255) for image in (alone, together)]
@@ -187,7 +182,7 @@ def test_exposure_and_white_balance_are_found_beside_what_is_painted_over(photog
     other = photograph * gains + 4 + noise[1]
     other[:60, :90] = 200
     images = [photograph + noise[0], other, photograph[::-1] + noise[2]]
-    found = exposures(stack_versions([np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in images]))
+    found = exposures(stack_versions([as_bytes(image) for image in images]))
     np.testing.assert_allclose(found[1, :, 0], 1 / gains, rtol=0.02)
     np.testing.assert_allclose(found[1, :, 1], -4 / gains, atol=2)
     np.testing.assert_array_equal(found[[0, 2]], np.tile([1, 0], (2, 3, 1)))
@@ -199,8 +194,7 @@ def test_frames_of_other_exposure_are_as_good_as_others(photograph: Array) -> No
     noise = np.random.default_rng(0).normal(0, 12, (3, 160, 192, 3))
     scores = []
     for gains in ([1, 1, 1], [1, 0.7, 1.4]):
-        seen = [gain * look + one for gain, look, one in zip(gains, looks, noise, strict=True)]
-        frames = [np.clip(np.rint(one), 0, 255).astype(np.uint8) for one in seen]
+        frames = [as_bytes(gain * look + one) for gain, look, one in zip(gains, looks, noise, strict=True)]
         result = denoise(frames, align=True, effort="fast")
         assert result.exposures is not None
         np.testing.assert_allclose(result.exposures[:, :, 0], np.tile(1 / np.array(gains), (3, 1)).T, rtol=0.03)

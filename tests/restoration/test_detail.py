@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import SAMPLES
-from damaging import damage, psnr
+from damaging import as_bytes, damage, psnr
 from scipy import ndimage
 
 from cvtimg import denoise, read_image
 from cvtimg._shared.progress import watched
-from cvtimg._shared.types import Array, Bytes, Floats
+from cvtimg._shared.types import Array, Floats
 from cvtimg.restoration.detail import clipped_ends, passes_of
 from cvtimg.restoration.versions import Clipped, fuse, stack_versions
 
@@ -24,10 +24,6 @@ def clean(photograph: Array) -> Floats:
 
 def noisy(clean: Floats, sigma: float | Floats, seed: int = 0) -> Floats:
     return clean + sigma * np.random.default_rng(seed).standard_normal(clean.shape)
-
-
-def as_bytes(image: Floats) -> Bytes:
-    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
 def restored(images: list[Any], **options: Any) -> Floats:
@@ -89,7 +85,7 @@ def test_clipping_is_undone_in_versions_that_are_aligned(photograph: Array) -> N
     shifts = [(0.0, 0.0), (2.4, -3.3), (-1.6, 1.5)]
     wide = photograph[24:168, 48:208] / 255 * 0.3
     looks = [moved_by(wide, (*shift, 0), order=3, mode="nearest")[16:-16, 16:-16] for shift in shifts]
-    images = [as_bytes(noisy(look, 0.1, seed)) for seed, look in enumerate(looks)]
+    images = [as_bytes(255 * noisy(look, 0.1, seed)) for seed, look in enumerate(looks)]
     found = denoise(images, align=True)
     np.testing.assert_allclose(found.shifts, np.negative(shifts), atol=0.4)
     as_if_not_clipped = restored([image / 255 for image in images], align=True)
@@ -151,7 +147,7 @@ def test_a_restoration_tells_its_share_at_each_part_and_ends_there_if_asked(clea
 @pytest.mark.parametrize("sigma", [0, pytest.param(3 / 255, marks=pytest.mark.slow)])
 def test_holes_are_filled_and_what_is_known_does_not_suffer(clean: Floats, sigma: float) -> None:
     known = np.random.default_rng(1).random(clean.shape[:2]) >= 0.1
-    image = as_bytes(noisy(clean, sigma))
+    image = as_bytes(255 * noisy(clean, sigma))
     found, complete = restored([image], masks=[known]), restored([image])
     blurred, _ = fuse(stack_versions([image], [known]), np.ones(1))
     assert psnr(found[~known], clean[~known]) > psnr(blurred[~known] / 255, clean[~known]) + 1

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from damaging import card, damage, psnr, two_phases
+from damaging import as_bytes, card, damage, psnr, two_phases
 from PIL import Image
 
 from cvtimg import denoise, read_image, restore
-from cvtimg._shared.types import Array, Bytes, Floats
+from cvtimg._shared.types import Array
 from cvtimg.restoration import RENORMALIZATIONS, Restoration
 
 Damage = damage.Damage
@@ -26,10 +26,6 @@ def damaged_card(side: int, n: int = 3, seed: int = 0, **suffered: Any) -> tuple
     """A card in four colors, damaged versions of it, and what they know."""
     clean, _ = card(side)
     return clean, *damage.damaged_versions(clean, n, Damage(**suffered), seed)
-
-
-def in_bytes(versions: list[Floats]) -> list[Bytes]:
-    return [np.clip(np.rint(255 * version), 0, 255).astype(np.uint8) for version in versions]
 
 
 @pytest.mark.parametrize(("sigma", "least"), [(0.1, 0.995), (0.3, 0.98)])
@@ -92,7 +88,7 @@ def test_nan_alpha_nodata_and_masks_say_the_same() -> None:
 @pytest.mark.parametrize(("scale", "dtype"), [(257, np.uint16), (1 / 255, np.float32), (1 / 255, np.float64)])
 def test_depths_agree_and_an_edge_weight_means_the_same_at_each(scale: float, dtype: type) -> None:
     _, versions, known = damaged_card(32, noise=0.1, holes=0.2)
-    levels = in_bytes(versions)
+    levels = [as_bytes(255 * version) for version in versions]
     how = {"masks": known, "edge_weight": 200, "effort": "fast"}
     shallow = restore(levels, 4, **how)
     deep = restore([(version * np.float64(scale)).astype(dtype) for version in levels], 4, **how)
@@ -143,7 +139,7 @@ def test_channels_share_segments_and_no_colors() -> None:
 @pytest.mark.parametrize("space", ["linear", "lab", "oklab"])
 def test_a_space_is_where_distances_are_measured(space: Any) -> None:
     clean, versions, known = damaged_card(48, noise=0.1, holes=0.2)
-    result = restore(in_bytes(versions), 4, masks=known, space=space, effort="fast")
+    result = restore([as_bytes(255 * one) for one in versions], 4, masks=known, space=space, effort="fast")
     assert psnr(result.image / 255, clean) > 25
     assert np.nanmax(result.generators) > 100  # in the units of the versions
 
