@@ -6,7 +6,7 @@ import pytest
 
 from cvtimg import reduced_basis, write_image
 from cvtimg._shared.types import Array
-from cvtimg.bases import KINDS, Basis, as_snapshots, read_basis, reduction
+from cvtimg.bases import KINDS, Basis, as_snapshots, read_basis
 from cvtimg.pictures import Frames, write_frames, write_pages
 
 RNG = np.random.default_rng(0)
@@ -206,26 +206,10 @@ def test_arrays_on_disk_and_lazy_ones_are_read_in_blocks(tmp_path: Path, monkeyp
         assert (rows_of(given) == rows).all()
 
 
-def test_images_of_different_sizes_are_named(tmp_path: Path) -> None:
+def test_images_of_different_sizes_and_one_alone_are_no_snapshots(tmp_path: Path) -> None:
     write_image(tmp_path / "a.png", IMAGES[0])
     write_image(tmp_path / "b.png", IMAGES[1, :3])
     with pytest.raises(ValueError, match=r"b\.png of shape \(3, 8, 3\) must be \(6, 8, 3\), as .*a\.png is"):
         rows_of(tmp_path)
-
-
-def test_one_image_is_no_set_of_snapshots(tmp_path: Path) -> None:
-    write_image(tmp_path / "a.png", IMAGES[0])
     with pytest.raises(ValueError, match="is one image; snapshots must be"):
         as_snapshots(tmp_path / "a.png")
-
-
-@pytest.mark.parametrize(("n_modes", "kind", "rank"), [(3, "pod", 30), (3, "cvod", 72), (0.5, "pod", 2072)])
-def test_a_sketch_has_two_coordinates_for_each_mode_and_24_more(
-    n_modes: Any, kind: str, rank: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def asked(source: object, rank: int, *_: object, **__: object) -> None:
-        raise LookupError(rank)
-
-    monkeypatch.setattr(reduction, "sketch", asked)
-    with pytest.raises(LookupError, match=f"^{rank}$"):
-        reduced_basis(np.zeros((1500, 1200), np.float32), n_modes, kind=kind)

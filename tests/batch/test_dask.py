@@ -91,9 +91,3 @@ def test_no_scheduler_is_wrong_usage(
     monkeypatch.setattr("cvtimg.batch.executors._PATIENCE", 0.2)
     assert cli.main(["info", "in", "--dask", "tcp://127.0.0.1:9"]) == 2
     assert "no scheduler answers at 'tcp://127.0.0.1:9'" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_local_cluster_needs_no_scheduler(folder: Path) -> None:
-    assert cli.main(["quantize", "in", "-k", "9", "--out-dir", "out", "--dask", "local", "--jobs", "1", "--quiet"]) == 0
-    assert len(list(Path("out").iterdir())) == len(PICTURES)

@@ -1,5 +1,4 @@
 from contextlib import suppress
-from types import SimpleNamespace
 
 import kmeans1d
 import numpy as np
@@ -12,10 +11,9 @@ from cvtimg import energy_curve, segment, tessellate
 from cvtimg._shared.pixels import AlphaArray
 from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import color_samples
-from cvtimg.elbow import RULES, TargetMissedError, curves
+from cvtimg.elbow import RULES, TargetMissedError
 from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.elbow.rules import Scale
-from cvtimg.engine.points import pack
 
 
 def curve_of(energies: list[float], peak: float | None = None) -> EnergyCurve:
@@ -213,20 +211,3 @@ def test_overlapping_clusters_keep_their_number_which_is_not_clear() -> None:
 
     curve = energy_curve(load_iris().data, 32)
     assert (curve.elbow(), curve.verdict) == (3, "elbow at k=3, not clear")
-
-
-@pytest.mark.parametrize(("n_errors", "is_one"), [(2.2, True), (4.0, False)])
-def test_clusters_are_three_errors_beyond_eight_even_tables_of_2000_rows(
-    n_errors: float, is_one: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sizes: list[int] = []
-
-    def halved(rows: Array, n_generators: int) -> SimpleNamespace:
-        saved = [0.5, 0.7] * 4 + [0.6 + 0.1 * n_errors * (9 / 8) ** 0.5] * 9
-        sizes.append(len(rows))
-        return SimpleNamespace(energy=((rows - rows.mean(axis=0)) ** 2).sum() / np.exp(saved[len(sizes) - 1]))
-
-    monkeypatch.setattr(curves, "tessellate", halved)
-    points = pack(np.random.default_rng(0).normal(size=(5000, 2)), np.ones(5000))
-    assert curves._is_one_cluster(points, np.random.default_rng(0)) == is_one
-    assert sizes == [2000] * 9

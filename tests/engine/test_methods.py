@@ -239,19 +239,6 @@ def test_optimal_generators_are_the_means_of_their_cells(n_levels: int, n_cells:
     assert (distances[:, 1] == distances.min(axis=1)).all()
 
 
-@pytest.mark.parametrize(
-    ("rows", "n_generators", "locked", "message"),
-    [
-        (np.arange(12.0).reshape(4, 3), 1, None, "method='optimal1d' needs samples of one dimension, not D=3"),
-        (np.arange(4.0)[:, None], 2, [[1]], "method='optimal1d' does not support locked generators; lloyd or transfer"),
-        (np.array([[1.0], [1.0], [2.0]]), 3, None, r"n_generators=3 must be in 1\.\.2, the number of distinct samples"),
-    ],
-)
-def test_what_optimal1d_cannot_do_is_said(rows: Array, n_generators: int, locked: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        tessellate(rows, n_generators, locked=locked, method="optimal1d")
-
-
 def test_a_callback_sees_the_optimum() -> None:
     seen = []
     points = pack(np.arange(9.0)[:, None], np.ones(9))

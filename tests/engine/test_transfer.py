@@ -1,5 +1,4 @@
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -59,16 +58,3 @@ def test_locked_generators_stay_and_the_energy_still_falls(power: float, skewed:
     result = tessellate(skewed, 5, volume_power=power, locked=[[70, 70]], method="transfer")
     np.testing.assert_allclose(result.generators[0], [70, 70], rtol=1e-6)
     assert (np.diff(result.energies) <= 1e-9 * result.energies[0]).all()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"volume_power": -1}, "volume_power=-1 must be a finite number >= 0"),
-        ({"volume_power": np.nan}, "volume_power=nan must be"),
-        ({"volume_power": 1, "method": "lloyd"}, "method='lloyd' does not support volume_power=1; transfer does"),
-    ],
-)
-def test_a_wrong_power_is_named(arguments: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        tessellate([[0.0], [1.0], [3.0]], 2, **arguments)

@@ -42,14 +42,6 @@ def test_a_constant_density_comes_near_to_hexagons() -> None:
     assert hexagons < placement.energy < 1.03 * hexagons
 
 
-def test_there_are_about_as_many_generators_as_the_root_of_the_density() -> None:
-    density = np.ones((100, 200))
-    density[:, 100:] = 16
-    placement = place_generators(None, 1000, density=density)
-    share = (placement.points[:, 0] >= 100).mean()
-    assert share == pytest.approx(0.8, abs=0.02)
-
-
 def test_fixed_generators_come_first_and_stay() -> None:
     fixed = np.array([[30.5, 10.5], [100, 80]])
     placement = place_generators(None, 1200, density=WAVES, fixed=fixed)

@@ -88,9 +88,19 @@ def test_generators_end_at_their_centroids_and_energy_never_rises(region: Any) -
     assert placement.masses.sum() == pytest.approx(placement.region.measure, rel=1e-9)
 
 
-def test_generators_follow_the_density() -> None:
-    placement = place_generators(SQUARE, 100, density=lambda p: np.where(p[:, 0] < 0.5, 1.0, 16.0))
-    assert (placement.points[:, 0] > 0.5).mean() == pytest.approx(0.8, abs=0.03)
+@pytest.mark.parametrize(
+    ("region", "density", "n", "middle"),
+    [
+        (SQUARE, lambda p: np.where(p[:, 0] < 0.5, 1.0, 16.0), 100, 0.5),
+        (None, np.repeat([[1, 16]], 100, axis=0).repeat(100, axis=1), 1000, 100),
+    ],
+    ids=["function", "image"],
+)
+def test_there_are_about_as_many_generators_as_the_root_of_the_density(
+    region: Any, density: Any, n: int, middle: float
+) -> None:
+    placement = place_generators(region, n, density=density)
+    assert (placement.points[:, 0] > middle).mean() == pytest.approx(0.8, abs=0.025)
 
 
 @pytest.mark.parametrize("region", [SQUARE, FRAME, np.ones((40, 40), bool)], ids=["square", "frame", "pixels"])

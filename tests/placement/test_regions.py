@@ -52,13 +52,6 @@ def test_drawn_points_lie_inside_and_fill_it(region: Region) -> None:
 
 
 @EVERY
-def test_its_measure_is_the_share_of_its_bounds(region: Region) -> None:
-    low, high = region.bounds
-    places = low + (high - low) * np.random.default_rng(0).random((40000, region.n_dims))
-    assert region.measure == pytest.approx(region.contains(places).mean() * (high - low).prod(), rel=0.03)
-
-
-@EVERY
 def test_projected_points_lie_inside_and_those_inside_stay(region: Region) -> None:
     places = around(region)
     inside = region.contains(places)
@@ -84,11 +77,13 @@ def test_points_go_to_the_nearest_point_of_the_boundary(region: Region) -> None:
 
 
 @EVERY
-def test_samples_weigh_as_the_density(region: Region) -> None:
-    samples = region.sample(20000, density=lambda p: p[:, 0] - region.bounds[0, 0])
+def test_its_measure_and_samples_of_a_density_are_those_of_places_in_its_bounds(region: Region) -> None:
     low, high = region.bounds
     places = low + (high - low) * np.random.default_rng(0).random((80000, region.n_dims))
-    expected = ((places[:, 0] - low[0]) * region.contains(places)).mean() * (high - low).prod()
+    inside = region.contains(places)
+    assert region.measure == pytest.approx(inside.mean() * (high - low).prod(), rel=0.03)
+    samples = region.sample(20000, density=lambda p: p[:, 0] - low[0])
+    expected = ((places[:, 0] - low[0]) * inside).mean() * (high - low).prod()
     assert samples.density.sum() == pytest.approx(expected, rel=0.02)
 
 
@@ -107,22 +102,21 @@ def test_a_mask_has_the_polygons_of_its_contours() -> None:
     assert PictureRegion(~mask).outline().area == (~mask).sum()
 
 
-def test_geojson_of_every_kind() -> None:
-    ring = {"type": "Polygon", "coordinates": [[[0, 0], [2, 0], [2, 2], [0, 2], [0, 0]]]}
-    other = {"type": "MultiPolygon", "coordinates": [[[[5, 0], [6, 0], [6, 1], [5, 0]]]]}
-    feature = {"type": "Feature", "properties": {}, "geometry": other}
-    both = {"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": ring}, feature]}
-    assert as_region(ring).measure == 4
-    assert as_region(feature).measure == 0.5
-    assert as_region(both).measure == 4.5
+RING = {"type": "Polygon", "coordinates": [[[0, 0], [2, 0], [2, 2], [0, 2], [0, 0]]]}
+PAIR = {"type": "MultiPolygon", "coordinates": [[[[5, 0], [6, 0], [6, 1], [5, 0]]]]}
+FEATURES: list[dict[str, Any]] = [{"type": "Feature", "geometry": shape} for shape in (RING, PAIR)]
 
 
-def test_as_region_takes_what_stands_for_one() -> None:
-    box = Box(0, 1)
-    assert as_region(box) is box
-    assert isinstance(as_region(np.ones((2, 2), bool)), PictureRegion)
-    assert as_region(shapely.box(0, 0, 2, 3)).measure == 6
-    assert as_region(np.array([[0.0, 0], [2, 0], [0, 2]])).measure == 2
+@pytest.mark.parametrize(
+    ("given", "measure"),
+    [
+        *((RING, 4), (FEATURES[1], 0.5), ({"type": "FeatureCollection", "features": FEATURES}, 4.5)),
+        *((Box(0, 1), 1), (np.ones((2, 2), bool), 4), (shapely.box(0, 0, 2, 3), 6), ([[0, 0], [2, 0], [0, 2]], 2)),
+    ],
+    ids=str,
+)
+def test_as_region_takes_what_stands_for_one(given: Any, measure: float) -> None:
+    assert as_region(given).measure == measure
 
 
 def test_a_picture_is_interpolated_between_the_centers_of_pixels() -> None:
