@@ -106,9 +106,7 @@ def _of_array(array: Any) -> Snapshots:
 def _of_path(path: Path) -> Snapshots:
     suffix = path.suffix.lower()
     if suffix == ".zarr":
-        zarr = optional("zarr", "zarr")
-
-        return _of_array(zarr.open_array(url_of(path), mode="r"))
+        return _of_array(optional("zarr", "zarr").open_array(url_of(path), mode="r"))
     if path.is_dir() or (is_remote(path) and not suffix):
         return _of_images(find_images(path))
     if suffix == ".npy":

@@ -61,12 +61,7 @@ def count_picture(
 
 
 def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
-    """Add two densities. Counts of pixels are integers, whose sums are exact in any order."""
-    return merge_samples(_alike(first, second)).without_pixels()
-
-
-def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
-    """Bring samples to one type and number of channels, if possible."""
+    """Add two densities, if they can have one type and number of channels: integers, with exact sums in any order."""
     pair = [first, second]
     dtypes, channels = {str(samples.colors.dtype) for samples in pair}, {samples.colors.shape[1] for samples in pair}
     if dtypes == {"uint8", "uint16"}:
@@ -74,7 +69,7 @@ def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
     n_colors = [samples.colors.shape[1] - samples.alpha for samples in pair]
     if len(channels) > 1 and set(n_colors) <= {1, 3}:
         pair = [widen_samples(samples, max(n_colors), first.alpha or second.alpha) for samples in pair]
-    return pair
+    return merge_samples(pair).without_pixels()
 
 
 def coarser(samples: ColorSamples, n_most: int) -> ColorSamples:

@@ -68,14 +68,6 @@ def _from_lab(lab: Floats) -> Floats:
     return xyz2rgb(np.maximum(lab2xyz(np.stack([lightness, lab[:, 1], yellow], axis=1)), 0))
 
 
-def _to_oklab(rgb: Floats) -> Floats:
-    return _transform(_TO_OPPONENT, np.cbrt(_transform(_TO_CONES, _decode(rgb))))
-
-
-def _from_oklab(oklab: Floats) -> Floats:
-    return _encode(_transform(_FROM_CONES, _transform(_FROM_OPPONENT, oklab) ** 3))
-
-
 @dataclass(frozen=True, slots=True)
 class ColorSpace:
     """A color space.
@@ -102,7 +94,10 @@ SPACES: dict[str, ColorSpace] = {
     "rgb": ColorSpace(lambda rgb: rgb, lambda rgb: rgb, gray=(1.0, 1.0, 1.0)),
     "linear": ColorSpace(_decode, _encode, gray=(1.0, 1.0, 1.0)),
     "lab": ColorSpace(_to_lab, _from_lab, white=100.0),
-    "oklab": ColorSpace(_to_oklab, _from_oklab),
+    "oklab": ColorSpace(
+        lambda rgb: _transform(_TO_OPPONENT, np.cbrt(_transform(_TO_CONES, _decode(rgb)))),
+        lambda oklab: _encode(_transform(_FROM_CONES, _transform(_FROM_OPPONENT, oklab) ** 3)),
+    ),
 }
 
 

@@ -147,16 +147,15 @@ class _Chains:
             points = outline.areas.kept(points, edges, of_line, ends, np.append(rim, outline.still).astype(np.intp))
         corners = np.append(outline.corners, np.zeros(len(points) - len(outline.nodes), bool))
         borders = Borders(points, edges, sides, corners, of_line)
-        return replace(borders, slides=self._slides(points)) if outline.mask is None else borders
+        if outline.mask is not None:
+            return borders
+        # Vertices slide along lines where edges hardly turn.
+        before, here, after = (self.vertices[self.inner + step] for step in (-1, 0, 1))
+        return replace(borders, slides=here[turns_of(points[before], points[here], points[after]) < _STRAIGHT])
 
     def first_of_edges(self) -> Indices:
         """Where the first vertex (E,) of each edge is in chains."""
         return np.flatnonzero(self.of_line[1:] == self.of_line[:-1])
-
-    def _slides(self, points: Points) -> Ints:
-        """Tell which vertices slide along lines: those where edges hardly turn."""
-        before, here, after = (self.vertices[self.inner + step] for step in (-1, 0, 1))
-        return here[turns_of(points[before], points[here], points[after]) < _STRAIGHT]
 
 
 def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, Indices]:

@@ -17,7 +17,7 @@ from cvtimg._shared.checks import (
     check_that,
     check_triangles,
 )
-from cvtimg._shared.types import Array, Bools, Floats, Ints, Points
+from cvtimg._shared.types import Array, Bools, Floats, Points
 from cvtimg.meshes.fields import Field, PictureField
 from cvtimg.meshes.outlines import Outline, cross
 from cvtimg.meshes.trees import Sizes, TreeField
@@ -41,7 +41,10 @@ class MeshValues:
         corners = check_triangles("triangles", triangles, len(places))
         self.values = np.asarray(values, np.float64)
         check_shape(name, self.values.shape, self.values.shape == (len(places),), f"({len(places)},), as the points")
-        self.mesh = PlaneTriangulation(places, _counter_clockwise(places, corners))
+        a, b, c = places[corners].transpose(1, 0, 2)
+        turn = cross(b - a, c - a)
+        check_have_area("triangles", turn)
+        self.mesh = PlaneTriangulation(places, np.where(turn[:, None] < 0, corners[:, ::-1], corners))
         self._used = np.unique(corners).astype(np.int32)
         self._tree = cKDTree(places[self._used])
 
@@ -78,13 +81,6 @@ class MeshSize(MeshValues):
     def __init__(self, points: ArrayLike, triangles: ArrayLike, sizes: ArrayLike) -> None:
         super().__init__(points, triangles, "sizes", sizes)
         check_that("sizes", ((self.values > 0) & (self.values < np.inf)).all(), "be finite and > 0")
-
-
-def _counter_clockwise(points: Points, triangles: Ints) -> Ints:
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    turn = cross(b - a, c - a)
-    check_have_area("triangles", turn)
-    return np.where(turn[:, None] < 0, triangles[:, ::-1], triangles)
 
 
 def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, probes: Points) -> Field:

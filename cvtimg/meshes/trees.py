@@ -155,13 +155,15 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     side = float((high - low).max()) * 1.02
     side *= 2 ** (np.log2(wanted.min() / side) % 1) * (1 - 1e-9)
     origin = (low + high) / 2 - side / 2
-    grid = np.arange(1 << _FIRST_LEVEL)
+    grid, corners_of = np.arange(1 << _FIRST_LEVEL), np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    seen_at = np.append(corners_of, [[0.5, 0.5]], axis=0)
     cells = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2).astype(np.int64)
     is_whole, lines = np.zeros(len(cells), bool), StraightParts.of(outline.lines).tree
     done, n_cells = [], 0
     for level in range(_FIRST_LEVEL, LAST_LEVEL + 1):
         step = side / (1 << level)
-        limit = _least_around(sizes, origin + cells * step, step) * _SIDE
+        around = (origin + cells * step)[:, None] + step * seen_at
+        limit = sizes(around.reshape(-1, 2)).reshape(-1, len(seen_at)).min(axis=1) * _SIDE
         fine = ((probes[wanted < step] - origin) / step).astype(np.int64)
         small = limit < step
         # Cells that do not touch the inside stay as they are.
@@ -175,7 +177,7 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
         divided = small | np.isin(cells @ np.array([1 << 32, 1]), fine @ np.array([1 << 32, 1]))
         divided &= level < LAST_LEVEL
         done.append((level, cells[~divided]))
-        cells = (2 * cells[divided, None] + np.array([[0, 0], [0, 1], [1, 0], [1, 1]])).reshape(-1, 2)
+        cells = (2 * cells[divided, None] + corners_of).reshape(-1, 2)
         is_whole = np.repeat(is_whole[divided], 4)
         n_cells += len(cells)
         check_that(f"sizes down to {limit.min() / _SIDE:g}", n_cells <= _MOST_CELLS, f"suit a region {side:g} wide")
@@ -185,19 +187,12 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     corners = np.concatenate([squares << (LAST_LEVEL - level) for level, squares in done])
     # Sizes hardly change over a cell: the corners of squares twice as wide will do.
     spans = np.concatenate([np.full((len(squares), 1), 2 << (LAST_LEVEL - level)) for level, squares in done])
-    steps = spans[:, None] * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    steps = spans[:, None] * corners_of
     keys = np.unique(((corners - corners % spans)[:, None] + steps).reshape(-1, 2) @ np.array([1 << 32, 1]))
     unique = np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1)
     unit = side / (1 << LAST_LEVEL)
     centers = origin + corners * unit + sides[:, None] / 2
     return Cells(centers, sides, outline.contains(centers), origin + unique * unit, outline.contains)
-
-
-def _least_around(sizes: Sizes, corners: Points, side: float) -> Floats:
-    """Return the least size (C,) at the corners and the centers of cells."""
-    offsets = side * np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.5]])
-    values = sizes((corners[:, None] + offsets).reshape(-1, 2))
-    return values.reshape(-1, len(offsets)).min(axis=1)
 
 
 def _triangulated(points: Points, values: Floats) -> tuple[PlaneTriangulation, Floats]:

@@ -175,23 +175,18 @@ def _to_boundary(region: Region, n_generators: int) -> Projection:
     return project
 
 
-def _on_boundary(on_boundary: ArrayLike, region: Region) -> Points:
-    """Return points given as (B, D), which must lie on the boundary."""
-    points = check_places("on_boundary", on_boundary, region.n_dims)
-    off = np.linalg.norm(region.to_boundary(points) - points, axis=1)
-    size = float(np.linalg.norm(region.bounds[1] - region.bounds[0]))
-    worst = points[off.argmax()].tolist()
-    check_in_range("on_boundary", worst, off.max() <= GIVEN * size, f"on the boundary, which is {off.max():g} away")
-    return points
-
-
 def _still(region: Region, n_generators: int, fixed: ArrayLike | None, on_boundary: Any) -> Points:
     """Return the generators that stay: those fixed, then those on the boundary."""
     parts = [np.empty((0, region.n_dims))]
     if fixed is not None:
         parts.append(check_places("fixed", fixed, region.n_dims))
     if on_boundary is not None:
-        parts.append(_on_boundary(on_boundary, region))
+        points = check_places("on_boundary", on_boundary, region.n_dims)
+        off = np.linalg.norm(region.to_boundary(points) - points, axis=1)
+        size = float(np.linalg.norm(region.bounds[1] - region.bounds[0]))
+        worst = points[off.argmax()].tolist()
+        check_in_range("on_boundary", worst, off.max() <= GIVEN * size, f"on the boundary, which is {off.max():g} away")
+        parts.append(points)
     still = np.concatenate(parts)
     name = "fixed" if on_boundary is None else "fixed and on_boundary"
     check_that(name, len(still) < n_generators, f"have fewer than n_generators={n_generators}, not {len(still)}")

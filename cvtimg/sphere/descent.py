@@ -1,6 +1,5 @@
 """How points of the sphere move to the centers of mass of their cells, while edges of their triangulation flip."""
 
-from collections.abc import Callable
 from functools import partial
 from itertools import count
 
@@ -61,24 +60,18 @@ def descend(
         if n_moves == most or offset <= tolerance or watch(cells.energy):
             break
         before, pulls = mesh.points, cells.pulls
-        _move(mesh, partial(_moved, before, memory.step(pulls, loose), cells.areas), free, project)
+        _move(mesh, memory.step(pulls, loose), cells.areas, free, project)
     return cells
 
 
-def _moved(points: Points, step: Points, areas: Floats, part: float) -> Points:
-    """Move points by a part of a step, no farther than their cells allow."""
-    there = np.empty(points.shape)
-    in_parts(partial(_sphere.move, points, step, areas, part, _LONGEST, there), len(there), WORK * len(there))
-    return there
-
-
 def _move(
-    mesh: SphereTriangulation, moved: Callable[..., Points], free: Bools | None, project: Projection | None
+    mesh: SphereTriangulation, step: Points, areas: Floats, free: Bools | None, project: Projection | None
 ) -> None:
-    """Move points by a step, or as much of it as turns no triangle over."""
+    """Move points by a step, or as much of it as cells allow and turns no triangle over."""
     part, before = 1.0, mesh.points
     while True:
-        there = moved(part=part)
+        there = np.empty(before.shape)
+        in_parts(partial(_sphere.move, before, step, areas, part, _LONGEST, there), len(there), WORK * len(there))
         if project is not None:
             there = project(there, before)
         if free is not None:

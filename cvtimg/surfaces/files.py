@@ -62,11 +62,16 @@ def read_surface(path: StrPath, weld: float | None = None) -> TriangulatedSurfac
     -------
     TriangulatedSurface
     """
-    mesh = _loaded(path)
-    try:
-        return mended(mesh.vertices, mesh.faces, weld)
-    except ValueError as error:
-        raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
+    trimesh = optional("trimesh", "surfaces", f"{path}: needs")
+    check_choice("suffix", Path(path).suffix.lower(), SURFACE_SUFFIXES)
+    with local_copy(path) as copy, copy.open("rb") as file:
+        try:
+            mesh: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=False)
+            if len(mesh.faces):
+                return mended(mesh.vertices, mesh.faces, weld)
+        except Exception as error:  # trimesh's readers raise whatever a damaged file leads to
+            raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
+    raise OSError(f"{path}: has no triangles")
 
 
 def mended(vertices: ArrayLike, faces: ArrayLike, weld: float | None = None) -> TriangulatedSurface:
@@ -107,17 +112,3 @@ def _flipped(triangles: Ints) -> Bools:
     is_first = np.full(n_parts, 2 * n)
     np.minimum.at(is_first, part, np.arange(2 * n))
     return np.asarray((as_is < other) | ((as_is == other) & (is_first[part[:n]] > is_first[part[n:]])))
-
-
-def _loaded(path: StrPath) -> Any:
-    """Return a mesh of trimesh, as it is in the file."""
-    trimesh = optional("trimesh", "surfaces", f"{path}: needs")
-    check_choice("suffix", Path(path).suffix.lower(), SURFACE_SUFFIXES)
-    with local_copy(path) as copy, copy.open("rb") as file:
-        try:
-            mesh: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=False)
-        except Exception as error:  # trimesh's readers raise whatever a damaged file leads to
-            raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
-    if not len(mesh.faces):
-        raise OSError(f"{path}: has no triangles")
-    return mesh

@@ -138,7 +138,12 @@ class _Start:
     def of(cls, surface: Surface, mesh: SurfaceTriangulation, n: int, density: Density, angle: float) -> _Start:
         """Choose points by the cells of a triangulation."""
         sizes = Sizes(mesh, n, density)
-        whole = _split(surface, mesh, sizes)
+        # Edges are shorter than half of the distances of points. The density may vary within triangles of the mesh:
+        # what they hold is measured again on finer ones.
+        for _ in range(2):
+            whole = split_long_edges(mesh, lambda places: sizes(places) / 2, surface.on_surface)
+            if sizes.fits(whole):
+                break
         apart = sizes(whole.points)
         apart = apart * (n / max(n - extra_points(whole, apart), n / 2)) ** 0.5
         features = find_features(whole, angle, apart, len(surface.triangulation.triangles))
@@ -159,16 +164,6 @@ def _placed(surface: Surface, start: _Start, effort: SurfaceEffort) -> SurfacePo
     points, triangles = mesh.points[first], joined.astype(np.int32)[mesh.triangles]
     masses, energy = _measured(start.fine, points, start.sizes.given)
     return SurfacePoints(points, triangles, masses, energy, offset, n_iter)
-
-
-def _split(surface: Surface, mesh: SurfaceTriangulation, sizes: Sizes) -> SurfaceTriangulation:
-    """Split triangles until edges are shorter than half of the distances of points."""
-    # The density may vary within these triangles: what they hold is measured again on finer ones.
-    for _ in range(2):
-        fine = split_long_edges(mesh, lambda places: sizes(places) / 2, surface.on_surface)
-        if sizes.fits(fine):
-            break
-    return fine
 
 
 def _collapsed(

@@ -207,7 +207,12 @@ def write_label_parts(path: StrPath, n_rows: int, parts: Iterable[Ints], *, over
     suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
     with whole_file(path, overwrite=overwrite) as file:
         if suffix == ".parquet":
-            _write_parquet(file, parts)
+            pyarrow = optional("pyarrow", "parquet", "labels in .parquet need")
+            from pyarrow import parquet
+
+            with parquet.ParquetWriter(file, pyarrow.schema([("label", pyarrow.int32())])) as writer:
+                for part in parts:
+                    writer.write_table(pyarrow.table({"label": pyarrow.array(part, mask=part < 0)}))
         elif suffix == ".npy":
             header = {"descr": np.lib.format.dtype_to_descr(np.dtype(np.int32)), "fortran_order": False}
             np.lib.format.write_array_header_1_0(file, {**header, "shape": (n_rows,)})
@@ -218,15 +223,6 @@ def write_label_parts(path: StrPath, n_rows: int, parts: Iterable[Ints], *, over
             for part in parts:
                 lines = ('""' if label < 0 else str(label) for label in part.tolist())
                 file.write("\n".join(chain(lines, [""])).encode())
-
-
-def _write_parquet(file: object, parts: Iterable[Ints]) -> None:
-    pyarrow = optional("pyarrow", "parquet", "labels in .parquet need")
-    from pyarrow import parquet
-
-    with parquet.ParquetWriter(file, pyarrow.schema([("label", pyarrow.int32())])) as writer:
-        for part in parts:
-            writer.write_table(pyarrow.table({"label": pyarrow.array(part, mask=part < 0)}))
 
 
 def write_generators(

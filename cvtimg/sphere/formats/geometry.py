@@ -101,7 +101,11 @@ def measure(points: Floats, around: Connectivity) -> Geometry:
         first, second = points[cells[:, 0]], points[cells[:, 1]]
         middles = unit(first + second)
         lengths = _arcs(vertices[ends[:, 1]], vertices[ends[:, 0]])
-        return middles, _arcs(first, second), lengths, _angles_with_east(middles, second - first)
+        _, longitudes = latitudes_longitudes(middles)
+        east = np.stack([-np.sin(longitudes), np.cos(longitudes), np.zeros(len(middles))], axis=1)
+        axes = np.cross(middles, east), east
+        northward, eastward = (np.einsum("ij,ij->i", second - first, axis) for axis in axes)
+        return middles, _arcs(first, second), lengths, np.arctan2(northward, eastward)
 
     def of_corners(triangles: Indices, vertices: Floats, around: Indices) -> tuple[Floats]:
         each = (
@@ -189,14 +193,6 @@ def _triangle_areas(a: Floats, b: Floats, c: Floats) -> Floats:
     triple = np.einsum("ij,ij->i", a, np.cross(b - a, c - a))
     cosines = np.einsum("ij,ij->i", a, b) + np.einsum("ij,ij->i", b, c) + np.einsum("ij,ij->i", c, a)
     return np.asarray(2 * np.arctan2(triple, 1 + cosines))
-
-
-def _angles_with_east(places: Floats, directions: Floats) -> Floats:
-    _, longitudes = latitudes_longitudes(places)
-    east = np.stack([-np.sin(longitudes), np.cos(longitudes), np.zeros(len(places))], axis=1)
-    north = np.cross(places, east)
-    northward, eastward = (np.einsum("ij,ij->i", directions, axis) for axis in (north, east))
-    return np.asarray(np.arctan2(northward, eastward))
 
 
 @dataclass(frozen=True, eq=False)
