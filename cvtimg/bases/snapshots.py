@@ -47,15 +47,11 @@ class Snapshots:
         n_rows = max(1, BLOCK_BYTES // (self.n_dims * self.dtype.itemsize))
         for start in range(0, self.n_snapshots, n_rows):
             stop = min(start + n_rows, self.n_snapshots)
-            yield slice(start, stop), _checked(self.read(start, stop), start, (stop - start, self.n_dims), self.dtype)
-
-
-def _checked(rows: object, start: int, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> Array:
-    block = np.asarray(rows, dtype).reshape(shape)
-    finite = np.isfinite(block).all(axis=1)
-    first = f"be finite: number {start + int(np.argmin(finite))} contains NaN or infinity"
-    check_that("snapshots", finite.all(), first)
-    return block
+            block = np.asarray(self.read(start, stop), self.dtype).reshape(stop - start, self.n_dims)
+            finite = np.isfinite(block).all(axis=1)
+            first = f"be finite: number {start + int(np.argmin(finite))} contains NaN or infinity"
+            check_that("snapshots", finite.all(), first)
+            yield slice(start, stop), block
 
 
 def as_snapshots(snapshots: object) -> Snapshots:

@@ -183,13 +183,10 @@ def simplify(lines: Sequence[Points], tolerance: float, regions: NDArray[np.inte
 
 def _swept(lines: Array, simple: Array) -> Array:
     """Return the areas between lines and what remains of them, as polygons that may touch themselves."""
-    parts, of_part = zip(
-        *(shapely.get_coordinates(each, return_index=True) for each in (lines, shapely.reverse(simple))), strict=True
-    )
-    order = np.argsort(np.concatenate(of_part), kind="stable")
-    swept: Array = shapely.polygons(
-        shapely.linearrings(np.concatenate(parts)[order], indices=np.concatenate(of_part)[order])
-    )
+    there_and_back = np.concatenate([lines, shapely.reverse(simple)])
+    places, part = shapely.get_coordinates(there_and_back, return_index=True)
+    order = np.argsort(part % len(lines), kind="stable")
+    swept: Array = shapely.polygons(shapely.linearrings(places[order], indices=part[order] % len(lines)))
     return swept
 
 

@@ -9,6 +9,7 @@ from .meshing import EFFORTS as EFFORTS
 from .meshing import MeshEffort as MeshEffort
 from .meshing import mesh_labels as mesh_labels
 from .meshing import mesh_region as mesh_region
+from .polygons import OutlineChanges as OutlineChanges
 from .projection import LocalProjection as LocalProjection
 from .quadratic import QuadraticTriangles as QuadraticTriangles
 from .result import Mesh as Mesh
@@ -16,4 +17,3 @@ from .sizes import MeshSize as MeshSize
 from .volumes import VolumeMeasures as VolumeMeasures
 from .volumes import VolumeMesh as VolumeMesh
 from .volumes import mesh_volume as mesh_volume
-from .welding import OutlineChanges as OutlineChanges

@@ -34,7 +34,14 @@ class MetricField(CellField):
     @classmethod
     def of(cls, metric: MatrixFunction, outline: Outline, n: int | None, probes: Points) -> MetricField:
         """Sample a function that the user gave, with edges scaled to about `n` vertices."""
-        checked = _checked(metric, outline)
+
+        def checked(points: Points) -> Points:  # at each call; outside of the region metrics may be anything
+            matrices, values = _matrices("metric", metric(points), len(points))
+            sure = np.isfinite(values).all(axis=1) & (values[:, 0] > 0)
+            sure[sure] = _determinants(values[sure]) > 0
+            outline.check_inside("metric", points, matrices, sure, "be finite and positive definite in the region")
+            values[~sure] = values[sure].min(axis=0) if sure.any() else [1.0, 0.0, 1.0]
+            return values
 
         def sizes(points: Points, factor: float = 1.0) -> Floats:
             return factor * _determinants(checked(points)) ** -0.25
@@ -163,20 +170,6 @@ def _fitted_hessians(points: Points, triangles: Ints, values: Floats) -> Points:
         fit = np.linalg.lstsq(terms, values[near], rcond=1e-8)[0]
         hessians[vertex] = fit[3:] / [scale[0] ** 2, scale[0] * scale[1], scale[1] ** 2]
     return hessians
-
-
-def _checked(metric: MatrixFunction, outline: Outline) -> Callable[[Points], Points]:
-    """Check what a function of the user's returns, at each call; outside of the region that may be anything."""
-
-    def values_at(points: Points) -> Points:
-        matrices, values = _matrices("metric", metric(points), len(points))
-        sure = np.isfinite(values).all(axis=1) & (values[:, 0] > 0)
-        sure[sure] = _determinants(values[sure]) > 0
-        outline.check_inside("metric", points, matrices, sure, "be finite and positive definite in the region")
-        values[~sure] = values[sure].min(axis=0) if sure.any() else [1.0, 0.0, 1.0]
-        return values
-
-    return values_at
 
 
 def _matrices(name: str, given: object, n: int) -> tuple[Points, Points]:

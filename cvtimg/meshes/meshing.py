@@ -27,14 +27,13 @@ from cvtimg.meshes.mending import mend
 from cvtimg.meshes.outlines import TOLERANCE, Outline, StraightParts, label_outline, with_points
 from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
 from cvtimg.meshes.planning import Plan, Wanted, place_inside, plan_mesh
-from cvtimg.meshes.polygons import outline_of, outline_of_parts
+from cvtimg.meshes.polygons import Cleaning, outline_of, outline_of_parts
 from cvtimg.meshes.projection import LocalProjection
 from cvtimg.meshes.quadratic import quadratic
 from cvtimg.meshes.relaxation import relax
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.sizes import SizeLike
 from cvtimg.meshes.triangulation import PlaneTriangulation
-from cvtimg.meshes.welding import Cleaning
 from cvtimg.placement import as_region
 
 
@@ -258,7 +257,12 @@ def _mesh(
         best = make(outline)
     else:
         best, outline = periodic_mesh(outline, periodic, lambda given: plan_mesh(given, wanted, alone).borders, make)
-    _check_inside(alone, best.points)
+    if len(alone):
+        from scipy.spatial import cKDTree
+
+        lost = alone[cKDTree(best.points).query(alone)[0] > 0]
+        near = f"fixed has {lost[:1].ravel().tolist()}, near which edges on the border"
+        check_that(near, not len(lost), "be shorter: give more vertices, or smaller sizes")
     if wanted.n is not None and fixed is None and wanted.metric is None and np.isscalar(wanted.size):
         _warn_of_small_angles(best)
     if order == 1:
@@ -281,7 +285,10 @@ def _best(outline: Outline, wanted: Wanted, alone: Points, effort: MeshEffort, r
         meshes = [_made(outline, plan, wanted, trial, place() if k else inner) for k, trial in trials]
     if len(meshes) == 1:
         return meshes[0]
-    return max(meshes, key=lambda mesh: float(mesh.qualities.mean())) if varies else min(meshes, key=_irregularity)
+    if varies:
+        return max(meshes, key=lambda mesh: float(mesh.qualities.mean()))
+    # By the product of the eight measures that are less where cells are more regular.
+    return min(meshes, key=lambda mesh: float(np.log(np.maximum(astuple(mesh.measures())[:8], 1e-300)).sum()))
 
 
 def _trials(varies: bool, n: int, effort: MeshEffort) -> list[MeshEffort]:
@@ -292,12 +299,6 @@ def _trials(varies: bool, n: int, effort: MeshEffort) -> list[MeshEffort]:
     # More moves are not always better: what less effort makes is among the meshes of the best.
     less = _trials(varies, n, EFFORTS["balanced"]) if effort is EFFORTS["best"] else []
     return [*less, *(trials if varies else [each.of(n) for each in trials])]
-
-
-def _irregularity(mesh: Mesh) -> float:
-    """Sum the logarithms of the eight measures."""
-    measures = astuple(mesh.measures())[:8]
-    return float(np.log(np.maximum(measures, 1e-300)).sum())
 
 
 def _made(outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort, inner: Points) -> Mesh:
@@ -365,15 +366,6 @@ def _keep_areas(outline: Outline, mesh: PlaneTriangulation) -> None:
     for _ in range(3 if free[edges].any() else 0):  # where triangles would turn over, they go a part of the way
         moved = outline.areas.kept(mesh.points, edges, of_line, np.empty(0, np.intp), np.flatnonzero(~free))
         mesh.move(moved - mesh.points, free)
-
-
-def _check_inside(alone: Points, points: Points) -> None:
-    """Check that no edge on the border cuts off a fixed point."""
-    from scipy.spatial import cKDTree
-
-    lost = alone[cKDTree(points).query(alone)[0] > 0] if len(alone) else alone
-    near = f"fixed has {lost[:1].ravel().tolist()}, near which edges on the border"
-    check_that(near, not len(lost), "be shorter: give more vertices, or smaller sizes")
 
 
 def _warn_of_small_angles(mesh: Mesh) -> None:

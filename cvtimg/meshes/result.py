@@ -18,9 +18,9 @@ from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import TAKEN, MeshContent, suffixes, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh
+from cvtimg.meshes.polygons import OutlineChanges
 from cvtimg.meshes.projection import LocalProjection
 from cvtimg.meshes.quadratic import QuadraticTriangles
-from cvtimg.meshes.welding import OutlineChanges
 
 
 @dataclass(frozen=True, slots=True, eq=False)

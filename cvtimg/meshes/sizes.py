@@ -1,7 +1,7 @@
 """What can be taken for the size of edges."""
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,7 +89,15 @@ def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, pr
     Where the least size is > 0, sizes of 0 are allowed, too.
     """
     if callable(size):
-        return _function_field(_checked(size, outline, least), outline, n, probes)
+
+        def sizes(points: Points) -> Floats:  # checked at each call; outside of the region they may be anything
+            values = np.array(size(points), np.float64)
+            check_returned("size", values, len(points))
+            right = (values > 0 if least == 0 else values >= 0) & (values < np.inf)
+            outline.check_inside("size", points, values, right, _ALLOWED)
+            return np.maximum(np.where(right, values, float(_HUGE)), least)
+
+        return _function_field(sizes, outline, n, probes)
     values = np.asarray(size)
     check_numbers("size", values.dtype)
     if values.ndim == 0:
@@ -123,19 +131,6 @@ def _pixels_inside(outline: Outline, values: Array) -> Bools:
     inside = outline.contains(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(height, width)
     check_that("the region", inside.any(), "hold the center of a pixel of the size image")
     return inside
-
-
-def _checked(function: Callable[[Points], Any], outline: Outline, least: float) -> Sizes:
-    """Check what a function of the user's returns, at each call; outside of the region that may be anything."""
-
-    def sizes(points: Points) -> Floats:
-        values = np.array(function(points), np.float64)
-        check_returned("size", values, len(points))
-        right = (values > 0 if least == 0 else values >= 0) & (values < np.inf)
-        outline.check_inside("size", points, values, right, _ALLOWED)
-        return np.maximum(np.where(right, values, float(_HUGE)), least)
-
-    return sizes
 
 
 def _function_field(sizes: Sizes, outline: Outline, n: int | None, probes: Points) -> Field:

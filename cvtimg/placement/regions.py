@@ -242,11 +242,10 @@ class Box(Region):
         if not any(self.periodic):
             return Region.nearest(self, points, places, n, p)
         # A tree takes what is below the side, not the side itself.
-        wrapped = (
+        tree, queries = (
             np.where(self.periodic, np.minimum(self.project(at) - self._bounds[0], np.nextafter(self.sides, 0)), at)
             for at in (points, places)
         )
-        tree, queries = wrapped
         return cKDTree(tree, boxsize=np.where(self.periodic, self.sides, 0)).query(queries, n, p=p)
 
     def shortest(self, steps: Points) -> Points:

@@ -60,7 +60,12 @@ def draw_edges(
     segments = check_labels("labels", labels)
     thickness = check_count("thickness", thickness, _WIDEST, "the longest side")
     values = check_labeled_image("image", image, segments)
-    drawn = np.array(_over_checkers(Image.fromarray(shown(values, limits_to_show([values[segments != ignore]])))))
+    picture = Image.fromarray(shown(values, limits_to_show([values[segments != ignore]])))
+    if picture.mode == "RGBA":
+        row, column = np.ogrid[: picture.height, : picture.width]
+        board = Image.fromarray(np.array(CHECKERS, np.uint8)[(row // _SIDE + column // _SIDE) % 2]).convert("RGBA")
+        picture = Image.alpha_composite(board, picture).convert("RGB")
+    drawn = np.array(picture)
     edges = find_edges(segments, mode="inner" if thickness % 2 else "thick", ignore=ignore)
     radius = (thickness - 1) // 2
     if radius and edges.any():
@@ -105,12 +110,3 @@ def contour_drawing(contours: Contours, labels: ArrayLike, image: ImageLike) -> 
         colors=shown(rows, limits_to_show([seen[segments != 0]]))[:, :3],
         properties={label: {"area": areas[label], "mean": mean} for label, mean in enumerate(means.tolist())},
     )
-
-
-def _over_checkers(picture: Image.Image) -> Image.Image:
-    if picture.mode != "RGBA":
-        return picture
-    row, column = np.ogrid[: picture.height, : picture.width]
-    odd = (row // _SIDE + column // _SIDE) % 2
-    board = Image.fromarray(np.array(CHECKERS, np.uint8)[odd]).convert("RGBA")
-    return Image.alpha_composite(board, picture).convert("RGB")

@@ -139,9 +139,8 @@ def coastal_grid(
 
 def _coastal(grid: SphereGrid, on_coast: Bools, coast: Coast) -> CoastalGrid:
     """Say which points of a grid are on the coast, and which on land."""
-    values = {field.name: getattr(grid, field.name) for field in fields(grid)} | {
-        "fixed": np.zeros(len(on_coast), bool)
-    }
+    values = {field.name: getattr(grid, field.name) for field in fields(grid)}
+    values["fixed"] = np.zeros(len(on_coast), bool)
     return CoastalGrid(**values, on_coast=on_coast, on_land=coast.is_land(grid.points) & ~on_coast)
 
 

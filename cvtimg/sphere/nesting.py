@@ -221,12 +221,21 @@ class Kept:
             if not len(rows):
                 break
             cap = caps[rows, worst[rows]]
-            new[rows] = _at_distance(new[rows], self.centers[cap], self.radii[cap] * (1 + 1e-9))
+            centers, radii = self.centers[cap], self.radii[cap, None] * (1 + 1e-9)
+            away = new[rows] - np.einsum("ij,ij->i", new[rows], centers)[:, None] * centers
+            away /= np.maximum(np.sqrt(np.einsum("ij,ij->i", away, away)), 1e-300)[:, None]
+            new[rows] = unit(np.cos(radii) * centers + np.sin(radii) * away)
         return there
 
     def filled(self, places: Points, density: SphereDensity, n: int, rng: np.random.Generator) -> Points:
-        """Choose n new points from a grid; where they are too few, add middles of the largest triangles."""
-        points = self._open(places)
+        """Choose n new points from a grid; where they are too few, add middles of the largest triangles.
+
+        They are in the cells that are replaced, and not too near to kept points.
+        """
+        places = places[self.gone[self.parent_tree.query(places)[1]]]
+        places = self.project(np.concatenate([self.points, places]), self.points)[len(self.points) :]
+        distances, nearest = self.kept_tree.query(places)
+        points = places[distances > _APART * self.sizes[nearest]]
         points = points[np.sort(rng.permutation(len(points))[:n])]
         while len(points) < n:
             mesh = SphereTriangulation(np.concatenate([self.points, points]))
@@ -237,19 +246,3 @@ class Kept:
             check_that("n", len(middles) > 0, "be smaller, or the part larger")
             points = np.concatenate([points, middles[: max(min(n - len(points), len(middles) // 8), 1)]])
         return points
-
-    def _open(self, places: Points) -> Points:
-        """Leave out what is not in the cells that are replaced, and what is too near to kept points."""
-        places = places[self.gone[self.parent_tree.query(places)[1]]]
-        places = self.project(np.concatenate([self.points, places]), self.points)[len(self.points) :]
-        distances, nearest = self.kept_tree.query(places)
-        return places[distances > _APART * self.sizes[nearest]]
-
-
-def _at_distance(points: Points, centers: Points, angles: Floats) -> Points:
-    """Move points along great circles to angles from centers."""
-    along = np.einsum("ij,ij->i", points, centers)
-    away = points - along[:, None] * centers
-    lengths = np.sqrt(np.einsum("ij,ij->i", away, away))
-    away /= np.maximum(lengths, 1e-300)[:, None]
-    return unit(np.cos(angles)[:, None] * centers + np.sin(angles)[:, None] * away)

@@ -79,18 +79,15 @@ def radii_by_boxes(points: Floats, region: Region, order: int, tightened: bool) 
         if not len(left.middles) or n_made + sum(len(each.middles) for each in finished) > 4 * ENOUGH_SAMPLES:
             break
         sides = sides / 2
-        done = _looked_up(_halved(left.middles, sides), sides, points, region, n_near)
+        corners = np.array(list(np.ndindex(*(2,) * len(sides)))) - 0.5
+        middles = (left.middles[:, None] + corners * sides).reshape(-1, len(sides))
+        done = _looked_up(middles, sides, points, region, n_near)
     else:
         left = done
     radii = (1 + _HOW.margin) * radii
     boxes = Boxes(*(np.concatenate(parts) for parts in zip(*finished, left, strict=True)))
     _reach(radii, left.only(_depths(left, radii) < order), order, beyond=True)
     return _tightened(points, radii, boxes, order) if tightened else radii
-
-
-def _halved(middles: Floats, sides: Floats) -> Floats:
-    corners = np.array(list(np.ndindex(*(2,) * len(sides)))) - 0.5
-    return (middles[:, None] + corners * sides).reshape(-1, len(sides))
 
 
 def _looked_up(middles: Floats, sides: Floats, points: Floats, region: Region, n_near: int) -> Boxes:

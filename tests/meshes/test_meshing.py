@@ -16,9 +16,8 @@ from cvtimg.meshes.borders import Crowding, place_on_borders
 from cvtimg.meshes.fields import PictureField
 from cvtimg.meshes.mending import mend
 from cvtimg.meshes.outlines import label_outline, with_points
-from cvtimg.meshes.polygons import outline_of
+from cvtimg.meshes.polygons import Cleaning, outline_of
 from cvtimg.meshes.triangulation import FIXED, Borders, PlaneTriangulation, delaunay
-from cvtimg.meshes.welding import Cleaning
 from cvtimg.placement import Box, ImplicitRegion, as_region
 from cvtimg.sphere import earth_land
 

@@ -1,6 +1,6 @@
 """Contours as a set of regions of interest: the ROI Manager of ImageJ and Fiji opens it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
@@ -20,16 +20,11 @@ def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
     roifile = optional("roifile", "microscopy")
     with whole_file(path, overwrite=overwrite) as file, ZipFile(file, "w", ZIP_DEFLATED) as archive:
         for drawing in drawings:
-            for name, ring in _named_rings(drawing):
-                archive.writestr(f"{name}.roi", _region(roifile, ring, name, drawing).tobytes())
-
-
-def _named_rings(drawing: Drawing) -> Iterator[tuple[str, Any]]:
-    """Yield the outer ring of each piece, and a name that no other piece of the file has."""
-    place = "".join(f"{axis}{at:04d}-" for axis, at in drawing.place.items())
-    for label, pieces in groupby(drawing.polygons, key=lambda polygon: polygon.label):
-        for number, piece in enumerate(pieces):
-            yield f"{place}{label:05d}{f'-{number + 1}' if number else ''}", piece.rings[0][:-1]
+            place = "".join(f"{axis}{at:04d}-" for axis, at in drawing.place.items())
+            for label, pieces in groupby(drawing.polygons, key=lambda polygon: polygon.label):
+                for number, piece in enumerate(pieces):
+                    name = f"{place}{label:05d}{f'-{number + 1}' if number else ''}"  # which no other piece has
+                    archive.writestr(f"{name}.roi", _region(roifile, piece.rings[0][:-1], name, drawing).tobytes())
 
 
 def _region(roifile: Any, ring: Any, name: str, drawing: Drawing) -> Any:

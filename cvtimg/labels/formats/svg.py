@@ -17,7 +17,7 @@ def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
     check_that(f"{path}: {len(drawings)} pages", len(drawings) == 1, "be one, which .svg holds")
     (drawing,) = drawings
     height, width = drawing.size
-    body = _body(drawing.polygons, drawing.colors) if drawing.chances is None else _lines(drawing, drawing.chances)
+    body = _lines(drawing, drawing.chances) if drawing.chances is not None else _body(drawing.polygons, drawing.colors)
     write_text(path, svg_drawing(width, height, body), overwrite=overwrite)
 
 

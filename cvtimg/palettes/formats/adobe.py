@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cvtimg._shared.types import Bytes, Floats
+from cvtimg._shared.types import Bytes
 from cvtimg.palettes.swatches import Swatches, as_palette, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
@@ -70,7 +70,6 @@ def _blocks(content: bytes, n_blocks: int) -> Iterator[tuple[int, bytes]]:
 
 
 def _color(block: bytes) -> tuple[tuple[int, ...], str]:
-    """Return the color and its name."""
     n_letters = int.from_bytes(block[:2], "big")
     at = 2 + 2 * n_letters
     model = block[at : at + 4]
@@ -80,17 +79,13 @@ def _color(block: bytes) -> tuple[tuple[int, ...], str]:
     if not np.isfinite(values).all():
         raise UnfitContentError("has a color that is not finite")
     name = block[2:at].decode("utf-16-be", "replace").rstrip("\0")
-    return tuple(_to_srgb(model, values).tolist()), name
-
-
-def _to_srgb(model: bytes, values: Floats) -> Bytes:
     if model == b"LAB ":
         from skimage.color import lab2xyz, xyz2rgb
 
         rgb = xyz2rgb(lab2xyz(values * (100, 1, 1), illuminant="D50") @ _D50_TO_D65)
     else:
         rgb = (1 - values[:3]) * (1 - values[3]) if model == b"CMYK" else np.broadcast_to(values, 3)
-    return np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
+    return tuple(np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8).tolist()), name
 
 
 def write_ase(swatches: Swatches) -> bytes:
