@@ -161,7 +161,7 @@ def seed_sets(
     sets, n_seeded = np.empty((n_sets, n_generators, n_dims)), np.empty(n_sets, np.int64)
     sets[:, :n_given] = given
     heights = rng.random((n_sets, n_generators - n_given + n_swaps, n_draws))
-    rule = n_given, n_given if n_locked is None else n_locked
+    n_locked = n_given if n_locked is None else n_locked
 
     def seed(start: int, stop: int) -> None:
         kind, more = points.tiles.dtype, (n_tiles + 1) * width
@@ -170,11 +170,12 @@ def seed_sets(
         scratch += np.empty(n_tiles), np.empty((n_generators + n_draws, n_dims), kind), np.empty(n_generators, kind)
         scratch += np.empty((n_dims, width), kind), np.empty((n_draws, n_generators + 1))
         of_sets = heights[start:stop], worthwhile, sets[start:stop], n_seeded[start:stop]
-        _kernels.seed_sets(points.tiles, points.density, *rule, *of_sets, *scratch)
+        _kernels.seed_sets(points.tiles, points.density, n_given, n_locked, *of_sets, *scratch)
 
     in_parts(seed, n_sets, work=heights.size * points.tiles.size)
     if n_seeded.min() < n_generators:
         raise TooFewSamplesError(n_generators, int(n_seeded.max()))
+    sets[:, :n_locked] = given[:, :n_locked]  # not rounded to float32, so that locked ones are the same in all sets
     return sets
 
 
