@@ -1,29 +1,13 @@
 """The script of the sample images that damages pictures, and pictures to damage, for the tests of restoration."""
 
-import importlib.util
-import sys
 from pathlib import Path
-from typing import Any
 
+import damage
 import numpy as np
 
 from cvtimg._shared.types import Array, Bytes, Floats, Indices
 
-SCRIPT = Path(__file__).parent.parent / "sample_images" / "damage.py"
-
-
-def load() -> Any:
-    """Import the script, which is no part of the package."""
-    spec = importlib.util.spec_from_file_location("damage", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["damage"] = module  # where its dataclass looks for its annotations
-    spec.loader.exec_module(module)
-    return module
-
-
-damage = load()
+SCRIPT = Path(damage.__file__)
 
 
 def as_bytes(image: Array) -> Bytes:

@@ -9,10 +9,7 @@ import tifffile
 from PIL import Image, ImageCms
 
 from cvtimg._shared.types import Array
-
-
-def chunk(name: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+from cvtimg.pictures.formats.png_chunks import chunk
 
 
 def png(size: tuple[int, int], depth: int, kind: int, rows: bytes, trns: bytes) -> bytes:

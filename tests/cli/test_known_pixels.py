@@ -32,14 +32,11 @@ def write_raster(name: str, values: np.ndarray[Any, Any], nodata: str, **more: A
 
 def test_masked_pixels_do_not_change_the_palette_and_become_transparent(few: RowOf) -> None:
     write_image("mask.png", ~LEFT_OUT)
-    palettes = []
-    for value in (0, 255):
-        write_image("in.png", np.where(LEFT_OUT[..., None], np.uint8(value), COLORS), overwrite=True)
-        row = few("in.png", "-k", "5", "--mask", "mask.png", "-o", "out.png", "--save-palette", "out.hex")
-        assert (row["status"], row["left_out"]) == (0, LEFT_OUT.sum())
-        palettes.append(read_palette("out.hex").tolist())
-        np.testing.assert_array_equal(read_image("out.png")[..., 3] == 0, LEFT_OUT)
-    assert palettes[0] == palettes[1] == quantize(COLORS[:, 10:], 5).palette.tolist()
+    write_image("in.png", np.where(LEFT_OUT[..., None], np.uint8(255), COLORS))
+    row = few("in.png", "-k", "5", "--mask", "mask.png", "-o", "out.png", "--save-palette", "out.hex")
+    assert (row["status"], row["left_out"]) == (0, LEFT_OUT.sum())
+    np.testing.assert_array_equal(read_image("out.png")[..., 3] == 0, LEFT_OUT)
+    assert read_palette("out.hex").tolist() == quantize(COLORS[:, 10:], 5).palette.tolist()
     tifffile.imwrite("pages.tif", np.stack([COLORS] * 3), photometric="rgb")
     assert few("pages.tif", "-k", "4", "--mask", "mask.png", "-o", "out.tif")["left_out"] == 3 * LEFT_OUT.sum()
     for page in read_pages("out.tif").images:

@@ -83,7 +83,6 @@ restore a.png b.png -k 2 -o out.png --mask black.png | --mask is given 1 times, 
 restore a.png b.png -k 2 -o b.png --overwrite | b.png is an input
 restore a.png b.png -k 2 -o out.png --labels out.png | would both become out.png
 cluster trees.csv | Missing option '--clusters' / '-k'
-cluster trees.csv -k many | 'many' must be auto or a whole number in 1..
 cluster trees.csv -k 3 --columns a,,b | --columns: 'a,,b' must be names with commas between them
 cluster trees.csv -k 3 -o labels.txt | 'labels.txt' must end in one of .csv, .npy
 cluster trees.csv -k 3 --generators g.npy | 'g.npy' must end in one of .csv

@@ -3,7 +3,6 @@
 import io
 import struct
 import sys
-import zlib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +13,7 @@ import tifffile
 from cvtimg import quantize, read_image, segment
 from cvtimg.cli import app as cli
 from cvtimg.pictures import encode_image, image_info
+from cvtimg.pictures.formats.png_chunks import chunk
 
 PAGES = np.random.default_rng(5).integers(0, 4000, (3, 24, 32), np.uint16)
 
@@ -40,8 +40,7 @@ def test_the_bands_of_an_array_are_where_the_option_says() -> None:
 
 
 def huge_png() -> bytes:
-    header = b"IHDR" + struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + header + struct.pack(">I", zlib.crc32(header))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 2, 0, 0, 0))
 
 
 COMMANDS = {

@@ -58,16 +58,9 @@ def test_widths_in_km_say_how_many_points(row_of: RowOf) -> None:
     assert 250 < row["n"] < 320
     assert row["least_width_km"] == pytest.approx(800, rel=0.1)
     assert row["largest_width_km"] == pytest.approx(1500, rel=0.15)
-    lat, lon = np.linspace(-90, 90, 19), np.linspace(-180, 180, 37)
-    with netcdf_file("widths.nc", "w") as file:
-        for name, dimensions, values in (
-            ("lat", ("lat",), lat),
-            ("lon", ("lon",), lon),
-            ("cellWidth", ("lat", "lon"), np.full((19, 37), 1500.0)),
-        ):
-            if name in dimensions:
-                file.createDimension(name, len(values))
-            file.createVariable(name, "d", dimensions)[:] = values
+    places = {"lat": np.linspace(-90, 90, 19), "lon": np.linspace(-180, 180, 37)}
+    widths = pytest.importorskip("xarray").DataArray(np.full((19, 37), 1500.0), places, name="cellWidth")
+    widths.to_netcdf("widths.nc", engine="scipy")
     by_file = row_of("sphere", "--cell-width", "widths.nc", "-o", "b.csv")
     assert by_file["n"] == CellWidth(1500).n_points
     assert row_of("sphere", "--cell-width", "1500", "-n", "99", "-o", "c.csv")["n"] == 99
