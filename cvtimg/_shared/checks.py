@@ -330,9 +330,7 @@ def check_labels(name: str, labels: ArrayLike) -> Ints:
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(H, W), none of them 0")
     if array.dtype.kind not in "biu":
         refuse_type(name, array.dtype, "integers")
-    low, high = int(array.min()), int(array.max())
-    if low < 0 or high >= np.iinfo(np.int32).max:
-        raise ValueError(f"{name} in {low}..{high} must be in 0..{np.iinfo(np.int32).max - 1}")
+    check_within(name, array, 0, np.iinfo(np.int32).max - 1)
     return np.ascontiguousarray(array, np.int32)
 
 
@@ -371,10 +369,8 @@ def check_partial_image(name: str, image: object, mask: ArrayLike | None) -> tup
 
 def _may_be_alpha(band: Array) -> bool:
     """Whether a band of 8 bits is clear in some pixels, opaque in others, and little else."""
-    if band.dtype != np.uint8:
-        return False
     opaque, clear = (int(np.count_nonzero(band == value)) for value in (255, 0))
-    return min(opaque, clear) > 0 and opaque + clear > band.size / 2
+    return band.dtype == np.uint8 and min(opaque, clear) > 0 and opaque + clear > band.size / 2
 
 
 def check_picture_density(name: str, density: ArrayLike) -> Floats32:
@@ -398,13 +394,12 @@ def check_colors(name: str, colors: ArrayLike, dtype: Dtype) -> Array:
     array = array[:, np.newaxis] if array.ndim == 1 else array
     if array.ndim != 2 or 0 in array.shape or array.dtype.kind not in "uif":
         raise ValueError(f"{name} of shape {array.shape} must be numbers, (K,) or (K, C), and have colors")
-    fits, whole = np.isfinite(array).all(), dtype.kind in "iu"
-    if fits and whole:
+    fits, allowed = np.isfinite(array).all(), "finite"
+    if dtype.kind in "iu":
         low, high = np.iinfo(dtype).min, np.iinfo(dtype).max
-        fits = array.min() >= low and array.max() <= high and (array == np.rint(array)).all()
-    if not fits:
-        allowed = f"whole numbers in {np.iinfo(dtype).min}..{np.iinfo(dtype).max}" if whole else "finite"
-        raise ValueError(f"{name} must be {allowed}, as the image is of {dtype}")
+        fits &= array.min() >= low and array.max() <= high and (array == np.rint(array)).all()
+        allowed = f"whole numbers in {low}..{high}"
+    check_that(name, fits, f"be {allowed}, as the image is of {dtype}")
     return np.ascontiguousarray(array, dtype)
 
 

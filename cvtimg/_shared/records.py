@@ -56,6 +56,5 @@ def never_rises(energies: ArrayLike) -> bool:
 
 def equals(figure: ArrayLike, other: ArrayLike, rounding: float = _ROUNDING) -> bool:
     """Whether figures are the same, but for rounding as a share of the largest."""
-    return bool(
-        np.allclose(figure, other, rtol=0, atol=rounding * max(1e-300, float(np.max(np.abs(other), initial=0))))
-    )
+    largest = max(1e-300, float(np.max(np.abs(other), initial=0)))
+    return bool(np.allclose(figure, other, rtol=0, atol=rounding * largest))

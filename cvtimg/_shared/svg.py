@@ -37,10 +37,8 @@ def drawing(
 ) -> Iterator[str]:
     """Yield the text of a drawing whose user unit is the unit of its size."""
     w, h = number(width, digits), number(height, digits)
-    yield (
-        f'<svg xmlns="http://www.w3.org/2000/svg"{attributes} '
-        f'width="{w}{unit}" height="{h}{unit}" viewBox="0 0 {w} {h}">\n'
-    )
+    size = f'width="{w}{unit}" height="{h}{unit}" viewBox="0 0 {w} {h}"'
+    yield f'<svg xmlns="http://www.w3.org/2000/svg"{attributes} {size}>\n'
     yield from body
     yield "</svg>\n"
 

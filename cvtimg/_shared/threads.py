@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cache, wraps
+from functools import cache, reduce, wraps
 from itertools import pairwise
 from operator import length_hint
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -190,9 +190,5 @@ def pairwise_sum(values: Iterable[T], add: Callable[[T, T], T]) -> T | None:
         sums.append((0, value))
         while len(sums) > 1 and sums[-1][0] == sums[-2][0]:
             sums[-2:] = [(sums[-1][0] + 1, add(sums[-2][1], sums[-1][1]))]
-    if not sums:
-        return None
-    total = sums.pop()[1]
-    while sums:
-        total = add(sums.pop()[1], total)
-    return total
+    parts = [part for _, part in reversed(sums)]
+    return reduce(lambda total, part: add(part, total), parts) if parts else None

@@ -18,20 +18,11 @@ from cvtimg._shared.pixels import not_black, peak, white_of
 from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.batch.tasks import InputsFailedError, Missing
 from cvtimg.cli.running import Given, Row, Stopwatch, Task, plot
-from cvtimg.pictures import (
-    Pages,
-    image_info,
-    is_animated,
-    read_frames,
-    read_pages,
-    read_scale,
-    write_frames,
-    write_pages,
-)
+from cvtimg.pictures import image_info, is_animated, read_frames, read_pages, read_scale, write_frames, write_pages
 from cvtimg.pictures.formats.animated import FRAME_WRITERS
 from cvtimg.pictures.formats.converted import RAW_SUFFIXES
 from cvtimg.pictures.formats.encoding import as_stored
-from cvtimg.pictures.pages import PAGE_SUFFIXES
+from cvtimg.pictures.pages import PAGE_SUFFIXES, Pages
 from cvtimg.restoration import Denoised, restore_versions
 from cvtimg.restoration.defects import without_defects
 from cvtimg.restoration.versions import stack_versions

@@ -593,8 +593,7 @@ def draw_means(
         for n in range(n_drawn):
             t = drawn[n] // LANES
             i = drawn[n] % LANES
-            for k in range(n_cells):
-                squares[k] = 0
+            squares[:] = 0
             for d in range(dims):
                 for k in range(n_cells):
                     step = tiles[t, d, i] - means[d, k]

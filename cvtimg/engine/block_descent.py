@@ -60,12 +60,9 @@ class Survey:
     @staticmethod
     def total(parts: Sequence[Survey]) -> Survey:
         """Join the surveys of consecutive blocks."""
-        return Survey(
-            np.concatenate([part.lengths for part in parts]),
-            Spread.total([part.spread for part in parts]),
-            np.concatenate([part.rows for part in parts]),
-            np.concatenate([part.weights for part in parts]),
-        )
+        names = "lengths", "rows", "weights"
+        lengths, *sample = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        return Survey(lengths, Spread.total([part.spread for part in parts]), *sample)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,10 +149,8 @@ def descend(
 
     def step() -> float:
         nonlocal generators
-        full = moments.masses > 0
-        moves = np.divide(
-            moments.steps, moments.masses[:, None], out=np.zeros_like(generators), where=(free & full)[:, None]
-        )
+        full, moves = moments.masses > 0, np.zeros_like(generators)
+        np.divide(moments.steps, moments.masses[:, None], out=moves, where=(free & full)[:, None])
         generators = generators + moves
         if (free & ~full).any():
             points = pack(*sample)

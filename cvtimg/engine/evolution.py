@@ -63,7 +63,11 @@ def evolve(
     elders = _elders(points, fixed, n_generators, init, resting, effort)
     n_idle = n_born = 0
     while True:
-        elders = _survivors(elders, effort.n_kept)
+        # The best stay, in order, each tessellation once.
+        order = np.argsort(elders.energies, kind="stable")
+        energies = elders.energies[order]
+        new = np.diff(energies, prepend=-np.inf) > _SAME * energies
+        elders = Ends(*(values[order[new][: effort.n_kept]] for values in elders))
         least = float(elders.energies[0])
         if conditions.watch(least) or n_idle >= patience or n_born >= most or least == 0 or len(elders.energies) == 1:
             break
@@ -101,14 +105,6 @@ def _elders(
     first_of_all = np.repeat(elders.generators[:1], len(elders.energies) - 1, axis=0)
     elders.generators[1:] = _crossed(first_of_all, elders.generators[1:], np.zeros(first_of_all.shape[:2], bool))
     return elders
-
-
-def _survivors(ends: Ends, n_kept: int) -> Ends:
-    """Return the best ends in order, each tessellation once."""
-    order = np.argsort(ends.energies, kind="stable")
-    energies = ends.energies[order]
-    new = np.diff(energies, prepend=-np.inf) > _SAME * energies
-    return Ends(*(values[order[new][:n_kept]] for values in ends))
 
 
 def _children(points: Points, elders: Ends, n_children: int, conditions: Conditions) -> Floats:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.budgets import IN_CACHE, SAMPLES_OF_FIGURE
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.engine.points import GROUPED_FROM, Points, pack
 
@@ -93,21 +93,18 @@ def along_curve(rows: Array) -> Indices:
     # Keys and places are sorted as one number each, in which long keys of many rows lose their last bits.
     place_bits = np.uint64(n_rows.bit_length())
     lost = np.uint64(max(0, 16 * n_dims + n_rows.bit_length() - 64))
-    n_parts = -(-n_rows // IN_CACHE)
     keyed = np.empty(n_rows, np.uint64)
     low, high = float(rows.min()), float(rows.max())
     span = high - low or 1.0
 
-    def make(first: int, last: int) -> None:
-        for start in range(first * IN_CACHE, min(last * IN_CACHE, n_rows), IN_CACHE):
-            part = slice(start, min(start + IN_CACHE, n_rows))
-            key = np.zeros(part.stop - start, np.uint64)
-            for dim in range(n_dims):
-                steps = ((rows[part, dim].astype(np.float64) - low) / span * 65535).astype(np.uint64)
-                key |= _spread(steps, n_dims) << np.uint64(dim)
-            keyed[part] = key >> lost << place_bits | np.arange(start, part.stop, dtype=np.uint64)
+    def make(part: slice) -> None:
+        key = np.zeros(part.stop - part.start, np.uint64)
+        for dim in range(n_dims):
+            steps = ((rows[part, dim].astype(np.float64) - low) / span * 65535).astype(np.uint64)
+            key |= _spread(steps, n_dims) << np.uint64(dim)
+        keyed[part] = key >> lost << place_bits | np.arange(part.start, part.stop, dtype=np.uint64)
 
-    in_parts(make, n_parts, work=16.0 * rows.size)
+    in_stripes(make, n_rows, 16.0 * rows.size, IN_CACHE)
     keyed.sort()
     return (keyed & ((np.uint64(1) << place_bits) - np.uint64(1))).astype(np.intp)
 

@@ -188,9 +188,8 @@ def tessellate(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
-    check_that(
-        "init", not callable(init), f"be one of {', '.join(SEEDINGS)} or (K, D) generators, such as a callable returns"
-    )
+    allowed = f"be one of {', '.join(SEEDINGS)} or (K, D) generators, such as a callable returns"
+    check_that("init", not callable(init), allowed)
     power = check_non_negative("volume_power", volume_power)
     watch = Watch(callback)
     n_generators = n_generators.item() if isinstance(n_generators, np.integer) else n_generators  # of few bits

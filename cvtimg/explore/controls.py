@@ -356,9 +356,8 @@ def parse_settings(controls: Iterable[Control], given: object) -> Settings:
     if not isinstance(given, dict):
         raise UnfitRequestError("settings must be an object")
     known = {control.name: control for control in controls}
-    for name in given:
-        if name not in known:
-            raise UnfitRequestError(f"there is no setting {str(name)[:40]!r}")
+    if unknown := [name for name in given if name not in known]:
+        raise UnfitRequestError(f"there is no setting {str(unknown[0])[:40]!r}")
     return {name: control.parse(given[name]) if name in given else control.default for name, control in known.items()}
 
 

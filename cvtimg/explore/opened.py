@@ -83,11 +83,9 @@ class Picture:
             inside = f" in all {self.noun.lower()}s" if header.frames > 1 else ""
             said = f"{self.name} has {n_pixels:,} pixels{inside}; the page takes up to {most:,}, as far as memory"
             raise UnfitRequestError(f"{said} allows. Use the command line, which has --max-pixels, or a smaller image")
-        self.frames: Frames | Pages | None = None
-        if header.kind == "pages":
-            self.frames = read_pages(path)
-        elif header.kind == "frames":
-            self.frames = read_frames(path)
+        readers: dict[str, Callable[[Path], Frames | Pages]] = {"pages": read_pages, "frames": read_frames}
+        read = readers.get(header.kind)
+        self.frames = read(path) if read else None
         if whole and isinstance(whole.frames, Pages):
             self.array = one_page(whole.frames, self.page)
         elif whole and whole.frames:
@@ -145,8 +143,7 @@ class Picture:
         if chosen == self.chosen or not self.channels:
             return self
         key = f"{self.key}/{chosen}"
-        picture: Picture = self.kept(key, lambda: Picture(key, self.name, self.path, chosen=chosen))
-        return picture
+        return self.kept(key, lambda: Picture(key, self.name, self.path, chosen=chosen))
 
     def frame(self, number: int) -> Picture:
         """Return a frame or a page; of other pictures the picture itself."""
@@ -155,8 +152,7 @@ class Picture:
         if not 0 <= number < len(self.frames.images):
             raise UnfitRequestError(f"there is no {self.noun.lower()} {number + 1}")
         key = f"{self.key}/{number}"
-        picture: Picture = self.kept(key, lambda: Picture(key, self.name, self.path, whole=self, page=number + 1))
-        return picture
+        return self.kept(key, lambda: Picture(key, self.name, self.path, whole=self, page=number + 1))
 
     @property
     def size(self) -> tuple[int, int]:

@@ -9,7 +9,7 @@ import threading
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, is_dataclass
-from functools import cache
+from functools import cache, partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -167,17 +167,17 @@ class Outcome:
         """Return name and content of an output, or None if there is no such output; made once."""
         output = next((candidate for candidate in self.outputs if candidate.key == key), None)
         quality, _, end = key.partition(".")
+        make: Callable[[], bytes]
         if output:
             name = output.pattern.format(self.stem)
+            make = partial(written_as, name, lambda path: evaluated(output.writing(path), self.values))
         elif quality.isdigit() and end in fitting(self.image):
-            name = f"{self.stem}-{quality}.{end}"
+            name, make = f"{self.stem}-{quality}.{end}", partial(lossy, self.image, end, int(quality))
         else:
             return None
         with self._lock:
             if key not in self._files:
-                if output:
-                    content = written_as(name, lambda path: evaluated(output.writing(path), self.values))
-                self._files[key] = content if output else lossy(self.image, end, int(quality))
+                self._files[key] = make()
             return name, self._files[key]
 
 

@@ -100,12 +100,9 @@ def _cheapest(levels: _Levels, n_cells: int) -> Ints:
         elif guessed:
             price, guessed = (levels.energy(few) - levels.energy(many)) / (len(many) - len(few)), False
         else:
-            return _join(few, many, n_cells)
-
-
-def _join(few: Ints, many: Ints, n_cells: int) -> Ints:
-    """Follow `many` up to a cell inside one of `few`, then `few`, for `n_cells` in total."""
-    # Both cuts are cheapest, so the two other halves together cost no less: the joined cut is cheapest too.
+            break
+    # Follow `many` up to a cell inside one of `few`, then `few`, for `n_cells` in total. Both cuts are cheapest, so the
+    # two other halves together cost no less: the joined cut is cheapest too.
     n_more = n_cells - (len(few) - 1)
     cell = int(np.argmax(many[n_more + 1 : n_more + len(few)] <= few[1:]))
     return np.concatenate([many[: n_more + cell + 1], few[cell + 1 :]])

@@ -15,6 +15,7 @@ from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 #: Settings of the drawing, not of the dots: options of `Stipples.save`.
 _DRAWN = ("width", "height", "paper", "landscape", "margin", "marks", "fill", "pen_width")
 _LIMITED: Json = {"flag": "", "keyword": "", "when": {"limited": [True]}}
+_GREATEST: Json = {"name": "greatest", "label": "Greatest radius", "default": 4.0, "slider": (0.1, 20), **_LIMITED}
 
 
 class StippleTab(Tab):
@@ -30,10 +31,7 @@ class StippleTab(Tab):
         ("dots", {"when": {"by": ["n"]}}),  # those of a pen are of one size
         Switch(name="limited", label="Limit radii", when={"dots": ["sized"]}),
         ("radius_range", {"name": "least", **_LIMITED}),
-        (
-            "radius_range",
-            {"name": "greatest", "label": "Greatest radius", "default": 4.0, "slider": (0.1, 20), **_LIMITED},
-        ),
+        ("radius_range", _GREATEST),
         "tones",
         "max_ink",
         "white_cutoff",

@@ -201,8 +201,6 @@ MASK = Brushed(
     base=255,
     when={"brushes": [True]},
 )
-
-
 IMAGE = Code("image")
 WRITE_IMAGE = "cvtimg.write_image"
 

@@ -48,7 +48,23 @@ _PALETTES = dict(islice(PALETTES.items(), 5))
 _DITHERED = {"floyd-steinberg": 500_000, "edge-aware": 1 << 17}
 #: The format of pages, with its label.
 _PAGES = {"Pages, TIFF": ".tif"}
-_SEARCHED = ("k", "auto", "psnr", "max_bytes")
+_AIMS = {
+    "k": "number of colors",
+    "auto": "elbow of the energy",
+    "psnr": "quality",
+    "max_bytes": "size of the file",
+    "palette": "given palette",
+}
+_SEARCHED = {"aim": ["k", "auto", "psnr", "max_bytes"]}
+_FILES = "One of these, or a .gpl, .ase, .css, .json, .hex, .act, .pal or .txt file, or an image."
+_LOCKED = "Kept in the palette as they are. Pick them in the image, or lock colors of the palette."
+_STARTS = {
+    "image": "of the image, least error",
+    "main": "of the image, main ones",
+    "given": "built-in, or of a file",
+    "hand": "by hand",
+}
+_KEPT = "Kept as they are; the others are found around them."
 _FOUND = {"start": ["image", "main"]}
 _GIVEN = {"start": ["given", "hand"]}
 
@@ -60,40 +76,18 @@ class ColorsTab(Tab):
     compared = IMAGE
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "quantize",
-        kinds.Choice(
-            name="aim",
-            label="Choose by",
-            choices={
-                "k": "number of colors",
-                "auto": "elbow of the energy",
-                "psnr": "quality",
-                "max_bytes": "size of the file",
-                "palette": "given palette",
-            },
-        ),
+        kinds.Choice(name="aim", label="Choose by", choices=_AIMS),
         ("number", {"name": "k", "when": {"aim": ["k"]}, "auto": False, "keyword": ""}),
         ("psnr", {"when": {"aim": ["psnr"]}}),
         ("max_bytes", {"when": {"aim": ["max_bytes"]}, "to": lambda kilobytes: 1000 * kilobytes}),
-        kinds.Files(
-            name="palette",
-            label="Palette",
-            of="palettes",
-            when={"aim": ["palette"]},
-            about="One of these, or a .gpl, .ase, .css, .json, .hex, .act, .pal or .txt file, or an image.",
-        ),
+        kinds.Files(name="palette", label="Palette", of="palettes", when={"aim": ["palette"]}, about=_FILES),
         "space",
         "dither",
         ("dither_strength", {"name": "strength", "default": STRENGTH, "always": False, "flag": "", "keyword": ""}),
-        kinds.Colors(
-            name="locked",
-            label="Locked colors",
-            flag="--lock",
-            when={"aim": list(_SEARCHED)},
-            about="Kept in the palette as they are. Pick them in the image, or lock colors of the palette.",
-        ),
-        ("color_bits", {"when": {"aim": list(_SEARCHED)}}),
+        kinds.Colors(name="locked", label="Locked colors", flag="--lock", when=_SEARCHED, about=_LOCKED),
+        ("color_bits", {"when": _SEARCHED}),
         ("palette_per_frame", {"name": "per_frame", "when": {"aim": ["k", "psnr"]}, "only": "animations"}),
-        ("effort", {"when": {"aim": list(_SEARCHED)}}),
+        ("effort", {"when": _SEARCHED}),
         replace(BRUSH, label="Mask, weights", only="images"),
         MASK,
         kinds.Brushed(
@@ -103,7 +97,7 @@ class ColorsTab(Tab):
             modes={"add": "More", "erase": "Less", "paint": "As usual"},
             values={"add": 255, "erase": 1, "paint": 16},
             base=16,
-            when={"aim": list(_SEARCHED), "brushes": [True]},
+            when={**_SEARCHED, "brushes": [True]},
             about="Errors count up to 16 times, or a sixteenth.",
         ),
     )
@@ -258,27 +252,12 @@ class PaletteTab(Tab):
     controls: ClassVar[tuple[Control, ...]] = (
         *controls_of(
             "palette",
-            kinds.Choice(
-                name="start",
-                label="Colors",
-                choices={
-                    "image": "of the image, least error",
-                    "main": "of the image, main ones",
-                    "given": "built-in, or of a file",
-                    "hand": "by hand",
-                },
-            ),
+            kinds.Choice(name="start", label="Colors", choices=_STARTS),
             ("number", {"name": "k", "when": _FOUND, "label": "Number", "keyword": ""}),
             kinds.Files(name="palette", label="Palette", of="palettes", default=("pico-8",), when={"start": ["given"]}),
             ("sort", {"when": _FOUND}),
             ("space", {"when": {"start": ["image"]}}),
-            kinds.Colors(
-                name="locked",
-                label="Locked colors",
-                flag="--lock",
-                when=_FOUND,
-                about="Kept as they are; the others are found around them.",
-            ),
+            kinds.Colors(name="locked", label="Locked colors", flag="--lock", when=_FOUND, about=_KEPT),
             kinds.Swatches(name="colors", label="Colors", when={"start": ["hand"]}),
         ),
         *controls_of("quantize", ("ramp", {"when": _GIVEN}), ("dither", {"when": _GIVEN})),

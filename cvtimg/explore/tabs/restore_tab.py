@@ -18,7 +18,11 @@ from cvtimg.restoration import Denoised, Restoration
 from cvtimg.restoration.detail import passes_of
 
 _FLAT = {"when": {"way": ["flat"]}}
+_SIZES = "All of one size, unless they are aligned. Transparent pixels are missing."
+_WAYS = {"auto": "what the image shows", "detail": "a photograph, with its detail", "flat": "flat colors"}
+_DETAIL = "Photographs get their detail back; drawings in few colors stay flat."
 _IMAGE = Code("result.with_alpha()")
+_LABELS = Code('result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")')
 
 
 class RestoreTab(Tab):
@@ -28,19 +32,8 @@ class RestoreTab(Tab):
     most_drafted = 128  # height and width
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "restore",
-        Files(
-            name="versions",
-            label="Versions",
-            of="pictures",
-            most=32,
-            about="All of one size, unless they are aligned. Transparent pixels are missing.",
-        ),
-        Choice(
-            name="way",
-            label="Restore",
-            choices={"auto": "what the image shows", "detail": "a photograph, with its detail", "flat": "flat colors"},
-            about="Photographs get their detail back; drawings in few colors stay flat.",
-        ),
+        Files(name="versions", label="Versions", of="pictures", most=32, about=_SIZES),
+        Choice(name="way", label="Restore", choices=_WAYS, about=_DETAIL),
         ("number", {"name": "k", "keyword": "", "default": 6, "auto": False, "always": True, **_FLAT}),
         ("align", {"keyword": ""}),
         ("motion", {"when": {"align": [True]}}),
@@ -185,6 +178,3 @@ def _layer(request: Request, result: Denoised) -> Pixels:
     rows = result.image.reshape(result.coverage.size, -1)
     seen = request.picture.colors_seen(rows, alpha=rows.shape[1] in (2, 4) and request.picture.header.has_alpha)
     return Pixels(seen.reshape(*result.coverage.shape, 4))
-
-
-_LABELS = Code('result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")')

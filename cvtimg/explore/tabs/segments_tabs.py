@@ -23,6 +23,16 @@ from cvtimg.segmentation import Objects
 
 _FILE = Code("file")
 _SEGMENTS = {"way": ["segments"]}
+_WAYS = {
+    "hierarchy": "connected regions",
+    "segments": "segments by color",
+    "objects": "objects, which are counted",
+    "superpixels": "superpixels",
+}
+_PIECES = {"together": "together", "components": "each a segment", "objects": "objects, background"}
+_TOUCHING = "Whether pieces of one color that do not touch are one segment."
+_CHANGES = {"merge": "Merge", "split": "Split", "paint": "Paint", "add": "New", "erase": "Erase"}
+_BY_HAND = "Merge: click two segments, or draw over several. Split: where the tree of regions does so first."
 _MESHES = {".vtu": "VTK (.vtu)", ".msh": "Gmsh (.msh)", ".obj": "Wavefront (.obj)", ".stl": "STL (.stl)"}
 #: What is said by the command that comes before.
 _BEFORE: Json = {"when": {"of": ["segments"]}, "flag": ""}
@@ -42,17 +52,7 @@ class SegmentsTab(Tab):
     most_drafted = ENOUGH_SAMPLES
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "segment",
-        kinds.Switches(
-            name="way",
-            label="Divide into",
-            none="segments",
-            choices={
-                "hierarchy": "connected regions",
-                "segments": "segments by color",
-                "objects": "objects, which are counted",
-                "superpixels": "superpixels",
-            },
-        ),
+        kinds.Switches(name="way", label="Divide into", none="segments", choices=_WAYS),
         ("number", {"name": "k", "when": _SEGMENTS}),
         ("number", {**_REGIONS, "name": "regions", "default": "auto", "slider": (2, 200), "always": False}),
         ("number", {**_CELLS, "name": "cells", "default": 400, "room": 16, "slider": (16, 4000), "auto": False}),
@@ -64,25 +64,14 @@ class SegmentsTab(Tab):
         "no_split",
         ("neck_depth", {"name": "necks", "default": "auto", "auto": True, "when": {"no_split": [False]}}),
         kinds.Switches(
-            name="pieces",
-            label="Pieces",
-            none="together",
-            choices={"together": "together", "components": "each a segment", "objects": "objects, background"},
-            about="Whether pieces of one color that do not touch are one segment.",
-            when=_SEGMENTS,
+            name="pieces", label="Pieces", none="together", choices=_PIECES, about=_TOUCHING, when=_SEGMENTS
         ),
         *((name, {"when": _SEGMENTS}) for name in ("background", "neck_depth")),
         "min_size",
         ("space", {"when": {"way": ["segments", "superpixels"]}}),
         ("space", {"name": "tree_space", "default": "lab", "when": _REGIONS["when"]}),
         ("effort", {"when": _SEGMENTS}),
-        kinds.Edits(
-            name="edits",
-            label="By hand",
-            flag="--edit",
-            about="Merge: click two segments, or draw over several. Split: where the tree of regions does so first.",
-            modes={"merge": "Merge", "split": "Split", "paint": "Paint", "add": "New", "erase": "Erase"},
-        ),
+        kinds.Edits(name="edits", label="By hand", flag="--edit", about=_BY_HAND, modes=_CHANGES),
         BRUSH,
         MASK,
     )

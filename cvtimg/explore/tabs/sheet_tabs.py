@@ -36,12 +36,16 @@ def _column(name: str, label: str, default: float, low: float, high: float, unit
 
 
 _CENTER = (_column("lon", "Lon", 0.0, -180, 180, "°"), _column("lat", "Lat", 0.0, -90, 90, "°"))
+_CIRCLE = (*_CENTER, _column("radius", "Radius", 20.0, 0.1, 179, "°"), _column("ratio", "Times finer", 4, 1, 16, ""))
+_WIDTH = _column("width", "Width", 240.0, 5, 5000, "km", "km")
+_CIRCLE_KM = (*_CENTER, _column("radius", "Radius", 2000.0, 10, 20_000, "km", "km"), _WIDTH)
 _CIRCLES: Json = {
     "label": "Finer in",
     "flag": "--refine",
     "adds": "Add a circle",
     "about": "Click the globe to add a circle; drag its middle to move it, its rim to resize it.",
 }
+_AXIS = (Entry(name="name", label="Name", default="x"), Entry(name="values", label="Values", default="0, 1"))
 
 
 class SphereTab(Tab):
@@ -54,26 +58,8 @@ class SphereTab(Tab):
         Choice(name="by", label="Sizes by", choices={"n": "number of points", "width": "width of cells"}),
         ("number", {"name": "n", "when": {"by": ["n"]}}),
         ("cell_width", {"when": {"by": ["width"]}}),
-        Table(
-            name="circles",
-            columns=(
-                *_CENTER,
-                _column("radius", "Radius", 20.0, 0.1, 179, "°"),
-                _column("ratio", "Times finer", 4, 1, 16, ""),
-            ),
-            when={"by": ["n"]},
-            **_CIRCLES,
-        ),
-        Table(
-            name="circles_km",
-            columns=(
-                *_CENTER,
-                _column("radius", "Radius", 2000.0, 10, 20_000, "km", "km"),
-                _column("width", "Width", 240.0, 5, 5000, "km", "km"),
-            ),
-            when={"by": ["width"]},
-            **_CIRCLES,
-        ),
+        Table(name="circles", columns=_CIRCLE, when={"by": ["n"]}, **_CIRCLES),
+        Table(name="circles_km", columns=_CIRCLE_KM, when={"by": ["width"]}, **_CIRCLES),
         "effort",
     )
 
@@ -126,10 +112,7 @@ class DesignTab(Tab):
             name="axes",
             label="Axes",
             default=(("speed", "0, 30"), ("heat", "20, 90"), ("alloy", "A | B | C")),
-            columns=(
-                Entry(name="name", label="Name", default="x"),
-                Entry(name="values", label="Values", default="0, 1"),
-            ),
+            columns=_AXIS,
             most=64,
             adds="Add an axis",
             flag="--axis",
