@@ -303,9 +303,8 @@ def reduced_basis(
         check_in_range("n_modes", n_modes, kind == "pod", "a whole number or 'auto', unless kind is 'pod'")
         asked = min(EXACT_RANK, most)
     elif n_modes != "auto":
-        asked = check_count(
-            "n_modes", cast("int", n_modes), most, f"for {source.n_snapshots} snapshots of {source.n_dims} values"
-        )
+        limit = f"for {source.n_snapshots} snapshots of {source.n_dims} values"
+        asked = check_count("n_modes", cast("int", n_modes), most, limit)
     n_cells = check_count("n_cells", n_cells, MAX_COLORS, "the most cells")
     cells = min(n_cells, source.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING

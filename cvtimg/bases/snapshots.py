@@ -112,9 +112,8 @@ def _of_path(path: Path) -> Snapshots:
         return _of_array(np.stack(read_frames(path).images))
     pages = read_pages(path).images
     if len(pages) == 1:
-        raise ValueError(
-            f"{path} is one image; snapshots must be images, pages, an animation or an array, .npy or .zarr"
-        )
+        allowed = "images, pages, an animation or an array, .npy or .zarr"
+        raise ValueError(f"{path} is one image; snapshots must be {allowed}")
     return _of_array(np.stack(pages))
 
 

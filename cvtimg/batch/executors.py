@@ -124,7 +124,6 @@ class _Worker:
         self._pool: ProcessPoolExecutor | None = None
 
     def submit(self, task: Task) -> Future[Outcome]:
-        """Begin a task."""
         self._pool = self._pool or ProcessPoolExecutor(1, _context(self._late), _begin, (self._n_threads,))
         try:
             with _interrupts_held():
@@ -134,7 +133,6 @@ class _Worker:
             return self.submit(task)
 
     def close(self) -> None:
-        """Take no more tasks."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
 

@@ -50,9 +50,8 @@ class Spread:
     @staticmethod
     def total(parts: Sequence[Spread]) -> Spread:
         """Join the spreads of parts of the rows."""
-        masses, means, squares, low, high = (
-            np.stack([getattr(part, name) for part in parts]) for name in ("mass", "means", "squares", "low", "high")
-        )
+        names = ("mass", "means", "squares", "low", "high")
+        masses, means, squares, low, high = (np.stack([getattr(part, name) for part in parts]) for name in names)
         mean = np.einsum("p,pd->d", masses, means) / (masses.sum() or 1.0)
         between = np.einsum("p,pd->d", masses, (means - mean) ** 2)
         return Spread(float(masses.sum()), mean, squares.sum(axis=0) + between, low.min(axis=0), high.max(axis=0))

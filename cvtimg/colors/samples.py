@@ -233,10 +233,8 @@ def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     in_stripes(rank, len(numbers), 16.0 * len(numbers), IN_CACHE)
     distinct = (used[taken >> 8] << 8 | taken & 255).astype(np.uint32)
     # Stripes that are long beside what they are counted in, which is added up.
-    n_in_stripe = max(IN_CACHE, 4 * len(taken))
-    counts = in_stripes(
-        lambda block: np.bincount(inverse[block], minlength=len(taken)), len(inverse), 8.0 * len(inverse), n_in_stripe
-    )
+    n_in_stripe, n = max(IN_CACHE, 4 * len(taken)), len(inverse)
+    counts = in_stripes(lambda block: np.bincount(inverse[block], minlength=len(taken)), n, 8.0 * n, n_in_stripe)
     return distinct, inverse, reduce(np.add, counts).astype(np.float64)
 
 
@@ -252,9 +250,8 @@ def _sorted(numbers: Array) -> tuple[Array, Ints, Floats]:
     parts = np.split(np.argsort(part_of, kind="stable"), np.cumsum(np.bincount(part_of, minlength=len(ends) + 1))[:-1])
 
     def sort(part: int) -> tuple[Array, Array]:
-        distinct, inverse[parts[part]], counts = np.unique(
-            numbers[parts[part]], return_inverse=True, return_counts=True
-        )
+        where = parts[part]
+        distinct, inverse[where], counts = np.unique(numbers[where], return_inverse=True, return_counts=True)
         return distinct, counts
 
     distinct, counts = zip(*of_each(sort, len(parts), 512.0 * len(numbers)), strict=True)

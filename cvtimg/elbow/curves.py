@@ -73,7 +73,6 @@ class EnergyCurve(ReadOnly):
         return f"EnergyCurve(k=1..{self.n_max}, energy {first:.6g}..{last:.6g}, {self.verdict})"
 
     def _repr_png_(self) -> bytes | None:
-        """Draw the energy for each number of generators."""
         points = np.stack([np.arange(1, self.n_max + 1), self.energies], axis=1)
         return drawn(repr(self), points, is_place=False)
 

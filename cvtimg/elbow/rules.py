@@ -89,9 +89,8 @@ class TargetMissedError(ValueError):
 def _first_reaching(target: float, values: Floats, unit: str) -> int:
     reached = values >= target
     if not reached.any():
-        raise TargetMissedError(
-            f"target={target:g} is not reached by n_max={len(values)} generators: {values[-1]:.4g} {unit}"
-        )
+        last = f"n_max={len(values)} generators: {values[-1]:.4g} {unit}"
+        raise TargetMissedError(f"target={target:g} is not reached by {last}")
     return int(np.argmax(reached)) + 1
 
 

@@ -166,7 +166,8 @@ def simplify(lines: Sequence[Points], tolerance: float, regions: NDArray[np.inte
         some, off = strings[suspects], tolerances[suspects]
         shorter = shapely.simplify(some, off, preserve_topology=False)
         simple[suspects] = np.where(off < _LEAST_TOLERANCE, some, shorter)
-        spoiled = shapely.is_closed(simple) & (shapely.get_num_coordinates(simple) < 4)
+        n_places = shapely.get_num_coordinates(simple)
+        spoiled = shapely.is_closed(simple) & (n_places < 4)
         swept, touched = tree.query(_swept(strings[suspects], simple[suspects]), predicate="intersects")
         swept = suspects[swept]
         ends = np.stack([shapely.get_coordinates(shapely.get_point(strings, end)) for end in (0, -1)])[:, swept]
@@ -174,9 +175,7 @@ def simplify(lines: Sequence[Points], tolerance: float, regions: NDArray[np.inte
         spoiled[swept[is_other]] = True
         if regions is not None:
             spoiled |= (_areas(simple, regions) < _NO_AREA)[regions].any(axis=1)
-        suspects = np.flatnonzero(
-            spoiled & (shapely.get_num_coordinates(simple) < shapely.get_num_coordinates(strings))
-        )
+        suspects = np.flatnonzero(spoiled & (n_places < shapely.get_num_coordinates(strings)))
         tolerances[suspects] /= 2
     return [shapely.get_coordinates(line) for line in simple]
 

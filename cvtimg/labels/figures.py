@@ -139,10 +139,9 @@ def region_table(
     shape = planes.shape if planes.ndim == 3 and planes.size else None  # other shapes are no volumes, and refused
     segments = check_labels("labels", planes.reshape(-1, shape[2]) if shape else planes)
     if shape:
-        check_that(
-            f"image of shape {np.shape(image)}", np.shape(image)[:3] == shape, f"have the size of labels, {shape}"
-        )
-        image = np.reshape(image, (*segments.shape, *np.shape(image)[3:]))
+        of_image = np.shape(image)
+        check_that(f"image of shape {of_image}", of_image[:3] == shape, f"have the size of labels, {shape}")
+        image = np.reshape(image, (*segments.shape, *of_image[3:]))
     values = check_labeled_image("image", image, segments)
     bands = [*channels] if len(channels) == values.shape[-1] else [*range(1, values.shape[-1] + 1)]
     if shape:

@@ -79,7 +79,6 @@ def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool, allowed: tuple
 
 
 def _vtu(mesh: MeshContent) -> bytes:
-    """VTK's format of unstructured grids."""
     cells, tags, qualities, sides = mesh.cells, mesh.tags, mesh.qualities, mesh.sides
     kind, corners = _CELLS[mesh.kind][0], cells.shape[1] * np.arange(1, len(cells) + 1)
     if mesh.side_tags is None:

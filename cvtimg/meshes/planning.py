@@ -152,7 +152,6 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
 
 
 def _placed(outline: Outline, alone: Points, field: Field, how: Crowding) -> Plan:
-    """Place vertices for sizes."""
     borders, field = place_on_borders(outline, field.limited(how.grade, how.least), how)
     if len(alone):
         from scipy.spatial import cKDTree

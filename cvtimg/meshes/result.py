@@ -154,14 +154,11 @@ class Mesh(ReadOnly):
             Replace an existing file.
         """
         six = self.quadratic
-        points, cells, sides = (
-            (self.points, self.triangles, self.edges) if six is None else (six.nodes, six.triangles, six.edges)
-        )
-        content = MeshContent(points, cells, self.tags, sides, self.qualities, self.edge_tags, self.names)
+        points, of = (self.points, self) if six is None else (six.nodes, six)
+        content = MeshContent(points, of.triangles, self.tags, of.edges, self.qualities, self.edge_tags, self.names)
         write_mesh(path, content, overwrite, suffixes(content.kind))
 
     def _repr_png_(self) -> bytes | None:
-        """Draw the triangles, with y down as in images."""
         return drawn(repr(self), self.points, self.triangles, y_down=True)
 
     def summary(self) -> Row:

@@ -159,7 +159,6 @@ class PlaneTriangulation(HalfEdges):
         return self.twins.ravel() < np.arange(self.twins.size)
 
     def _mark(self, edges: Triangles) -> None:
-        """Mark the edges that stay."""
         n, n_edges = len(self.points), self.triangles.size
         stays = self.twins.ravel() < 0
         on_border = np.zeros(n, bool)

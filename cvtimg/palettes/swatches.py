@@ -57,9 +57,8 @@ def lines_of(content: bytes) -> list[str]:
 def with_named_alpha(colors: list[tuple[int, ...]], names: Iterable[str]) -> list[tuple[int, ...]]:
     """Read alpha from color names ``#rrggbbaa``, where `write_palette` stores it in formats without transparency."""
     codes = [name.strip().lower() for name in names]
-    ours = [
-        len(code) == 9 and code[:7] == f"#{bytes(color[:3]).hex()}" for color, code in zip(colors, codes, strict=True)
-    ]
+    pairs = zip(colors, codes, strict=True)
+    ours = [len(code) == 9 and code[:7] == f"#{bytes(color[:3]).hex()}" for color, code in pairs]
     return [hex_color(code) for code in codes] if ours and all(ours) else colors
 
 

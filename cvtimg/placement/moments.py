@@ -7,6 +7,7 @@ over each pixel. A pass costs as the boundaries of all cells are long, in pixels
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -143,12 +144,8 @@ class PixelMoments:
 
         in_parts(sum_parts, n_parts, work=12 * height * width + 4000 * n)
         totals, energies = np.zeros((n, 3)), np.zeros(n_parts)
-
-        def finish(start: int, stop: int) -> None:
-            about = sums, touched, generators, self._center, self.scale
-            buckets.add_parts(*about, start, stop, totals, energies)
-
-        in_parts(finish, n_parts, work=64 * n)
+        about = sums, touched, generators, self._center, self.scale
+        in_parts(partial(buckets.add_parts, *about, totals=totals, energies=energies), n_parts, work=64 * n)
         return Moments(totals[:, 0].copy(), totals[:, 1:].copy(), max(self._spread + float(energies.sum()), 0.0))
 
     def labels(self, generators: Floats, /) -> Ints:
@@ -176,11 +173,7 @@ def pixel_labels(shape: tuple[int, ...], points: ArrayLike) -> Ints:
     """
     buckets = _sorted(shape, check_places("points", points, 2))
     labels = np.empty(shape, np.int32)
-
-    def label(start: int, stop: int) -> None:
-        buckets.label_pixels(labels, start, stop)
-
-    in_parts(label, buckets.rows, work=12 * labels.size + 4000 * buckets.n_generators)
+    in_parts(partial(buckets.label_pixels, labels), buckets.rows, work=12 * labels.size + 4000 * buckets.n_generators)
     return labels
 
 

@@ -143,9 +143,8 @@ def _projection(region: Region, n_on_boundary: int | None) -> Projection | None:
     if n_on_boundary is not None:
         return _to_boundary(region, n_on_boundary)
     if isinstance(region, Box):  # a descent compares places that are not wrapped
-        low, high = (
-            np.where(region.periodic, far, end) for far, end in zip((-np.inf, np.inf), region.bounds, strict=True)
-        )
+        ends = zip((-np.inf, np.inf), region.bounds, strict=True)
+        low, high = (np.where(region.periodic, far, end) for far, end in ends)
         return lambda there, before: np.clip(there, low, high)
     return lambda there, before: region.project(there)
 

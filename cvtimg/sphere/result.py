@@ -134,7 +134,6 @@ class SavedGrid(ReadOnly):
         write_grid(path, self._content(check_positive("radius", radius), attributes), overwrite=overwrite)
 
     def _content(self, radius: float = 1.0, attributes: Mapping[str, str] | None = None) -> GridContent:
-        """Return what files hold."""
         raise NotImplementedError
 
 
@@ -202,11 +201,9 @@ class SphereGrid(SavedGrid):
         return GridContent(self.points, self.triangles, self.density, radius, self._flags(), attributes or {})
 
     def _flags(self) -> dict[str, Ints]:
-        """Return flags of cells that files have."""
         return {}
 
     def _repr_png_(self) -> bytes | None:
-        """Draw the triangles."""
         return drawn(repr(self), self.points, self.triangles)
 
     def summary(self) -> Row:

@@ -108,7 +108,6 @@ def _reach(radii: Floats, boxes: Boxes, order: int, *, beyond: bool) -> None:
 
 
 def _depths(boxes: Boxes, radii: Floats) -> Indices:
-    """How many balls hold each box as a whole."""
     return (boxes.distances + boxes.halves[:, None] <= radii[boxes.points]).sum(axis=1)
 
 
@@ -159,7 +158,6 @@ class _Cover:
         self._gaps = np.split(np.tile(gaps[may_meet], 2)[by_ball], ends)
 
     def set(self, ball: int, radius: float) -> None:
-        """Let a ball have another radius."""
         before, after = np.searchsorted(self._reaches[ball], (self.radii[ball], radius), side="right")
         self._depths[self._boxes[ball][after:before]] -= 1
         self._depths[self._boxes[ball][before:after]] += 1

@@ -39,9 +39,8 @@ def as_surface(surface: object, weld: float | None = None) -> Surface:
     if isinstance(surface, (tuple, list)) and len(surface) == 2:
         vertices, faces = surface
         return mended(vertices, faces, weld)
-    return refuse_type(
-        "surface", type(surface).__name__, "a Surface, a path, (vertices, faces), or a mesh that has them"
-    )
+    allowed = "a Surface, a path, (vertices, faces), or a mesh that has them"
+    return refuse_type("surface", type(surface).__name__, allowed)
 
 
 def read_surface(path: StrPath, weld: float | None = None) -> TriangulatedSurface:

@@ -198,7 +198,6 @@ class _Start:
 
     @classmethod
     def of(cls, surface: Surface, mesh: SurfaceTriangulation, n: int, density: Density, angle: float) -> _Start:
-        """Choose points by the cells of a triangulation."""
         sizes = Sizes(mesh, n, density)
         # Edges are shorter than half of the distances of points. The density may vary within triangles of the mesh:
         # what they hold is measured again on finer ones.
@@ -217,7 +216,6 @@ class _Start:
 
 
 def _placed(surface: Surface, start: _Start, effort: SurfaceEffort) -> SurfacePoints:
-    """Move points, and measure their cells."""
     sites = start.sites[start.used]
     mesh = SurfaceTriangulation(start.goals[sites], start.triangles)
     offset, n_iter = _relax(surface, start, mesh, effort)

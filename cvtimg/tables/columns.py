@@ -185,9 +185,8 @@ class _Text(Columns):
         self.named = self._is_header(rows[0], rows[1:]) if dialect.header is None else dialect.header
         head = self._head(rows, first[min(1, len(first) - 1)][0])
         below = chain(first[int(self.named) + (self.named and self._is_of_units(rows[1:])) :], records)
-        self.names = _distinct(
-            [name.strip() or number for name, number in zip(head, _numbered(len(head)), strict=True)]
-        )
+        numbered = zip(head, _numbered(len(head)), strict=True)
+        self.names = _distinct([name.strip() or number for name, number in numbered])
         self._unnamed = [not name.strip() for name in head]
         self._lines, self._columns = self._by_column(below)
 
@@ -219,9 +218,8 @@ class _Text(Columns):
                     raise ValueError(f"encoding={asked!r} must be the name of one, such as utf-8 or cp1252") from error
                 if not re.search(r"[\x00-\x08\x0e-\x1f]", text[: 1 << 16]):
                     return text
-        raise ValueError(
-            f"{self.path}: is not text{f' in {asked}' if asked else ''}; for images there is cvtimg segment"
-        )
+        what = f"text in {asked}" if asked else "text"
+        raise ValueError(f"{self.path}: is not {what}; for images there is cvtimg segment")
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Split the text into rows, without empty lines, each with the number of the line in which it ends."""

@@ -36,14 +36,12 @@ def write_geojson(
 
 
 def _features(drawing: Drawing) -> Iterator[Json]:
-    """Yield a feature for each label."""
     matrix, digits = _map_of(drawing.transform)
     for label, pieces in groupby(drawing.polygons, key=lambda polygon: polygon.label):
         yield feature(_placed(pieces, matrix, digits), {"label": label, **drawing.place, **drawing.properties[label]})
 
 
 def _lines(drawing: Drawing, chances: Floats) -> Iterator[Json]:
-    """Yield a feature for each line."""
     matrix, digits = _map_of(drawing.transform)
     for line, chance in zip(drawing.lines, np.round(chances, 4).tolist(), strict=True):
         places = (line @ matrix[:, :2].T + matrix[:, 2]).round(digits).tolist()

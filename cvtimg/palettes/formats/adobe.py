@@ -92,9 +92,8 @@ def write_ase(swatches: Swatches) -> bytes:
     """Write swatches as RGB, in one group named after the palette, with alpha in their names."""
     blocks = [(_GROUP, _text(swatches.name))]
     for color, code in zip(swatches.colors[:, :3] / 255, swatches.hexes(), strict=True):
-        blocks.append(
-            (_COLOR, _text(code) + b"RGB " + struct.pack(">3fH", *color, 2))
-        )  # neither global nor a spot color
+        values = struct.pack(">3fH", *color, 2)  # neither global nor a spot color
+        blocks.append((_COLOR, _text(code) + b"RGB " + values))
     blocks.append((_GROUP_END, b""))
     body = b"".join(_BLOCK.pack(kind, len(block)) + block for kind, block in blocks)
     return _HEADER.pack(_MAGIC, 1, 0, len(blocks)) + body

@@ -144,9 +144,8 @@ def read_json(content: bytes) -> Bytes:
 
 def _json_color(entry: object) -> tuple[int, ...]:
     if isinstance(entry, dict):
-        entry = (
-            entry["hex"] if "hex" in entry else [*entry.get("rgb", ()), *([entry["alpha"]] if "alpha" in entry else [])]
-        )
+        alpha = [entry["alpha"]] if "alpha" in entry else []
+        entry = entry["hex"] if "hex" in entry else [*entry.get("rgb", ()), *alpha]
     if isinstance(entry, str):
         return hex_color(entry)
     if not isinstance(entry, list) or not all(isinstance(value, int) for value in entry):

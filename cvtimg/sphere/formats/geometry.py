@@ -152,9 +152,8 @@ def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indice
 
     def of_edges(edges: Indices, pairs: Indices) -> tuple[Indices, Floats]:
         first, second = of_cells(edges, pairs[:, 0], 1.0), of_cells(edges, pairs[:, 1], -1.0)
-        return _those_first(
-            np.concatenate([first[0], second[0]], axis=1), np.concatenate([first[1], second[1]], axis=1)
-        )
+        tables, weights = (first[0], second[0]), (first[1], second[1])
+        return _those_first(np.concatenate(tables, axis=1), np.concatenate(weights, axis=1))
 
     def of_cells(edges: Indices, cells: Indices, sign: float) -> tuple[Indices, Floats]:
         around_cell, corners = around.edges_on_cell[cells], around.vertices_on_cell[cells]

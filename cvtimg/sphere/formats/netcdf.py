@@ -197,9 +197,8 @@ def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
         **_coordinates("edge", geometry.edges),
     }
     for name, (along, table) in tables.items():
-        variables[name] = Variable(
-            along, table, {"cf_role": roles[name], "start_index": np.int32(0), "_FillValue": np.int32(-1)}
-        )
+        indices = {"cf_role": roles[name], "start_index": np.int32(0), "_FillValue": np.int32(-1)}
+        variables[name] = Variable(along, table, indices)
     areas = geometry.cell_areas * grid.radius**2
     for name, values, text in (
         ("face_area", areas, "area of cells"),
