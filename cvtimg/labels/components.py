@@ -33,6 +33,10 @@ class Borders:
         """(B,) cracks of each border."""
         return np.diff(self.starts)
 
+    def means(self, values: Floats) -> Floats:
+        """(B,) means of what cracks, (P,), have."""
+        return np.add.reduceat(values, self.starts[:-1]) / self.lengths
+
     def on_pixels(self, strengths: Floats, shape: tuple[int, int]) -> Floats32:
         """(H, W) strengths (B,) of borders at the pixels above and to the left of their cracks."""
         strongest = np.zeros(shape, np.float32)

@@ -18,10 +18,9 @@ from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
 from cvtimg.pictures.showing import limits_of_measurements
 from cvtimg.segmentation.hierarchy.channels import find_channels
-from cvtimg.segmentation.hierarchy.evidence import evidence_of
-from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
-from cvtimg.segmentation.hierarchy.leaves import Leaves, find_leaves
+from cvtimg.segmentation.hierarchy.leaves import Leaves, enlarged, find_leaves, reduced, reduction
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
+from cvtimg.segmentation.hierarchy.strengths import evidence_of
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy, altitudes_between
 from cvtimg.segmentation.values import PictureValues, in_whole_numbers, picture_values, pixels_of
 
@@ -122,7 +121,7 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
     seen = near[tuple(borders.places.T // 2)].astype(np.float64)
     if not len(seen):
         return leaves
-    means = np.add.reduceat(seen, borders.starts[:-1]) / borders.lengths
+    means = borders.means(seen)
     weight = SETTINGS.other_view
     strengths = (leaves.strengths + weight * means) / (1 + weight**2)
     near_altitudes = altitudes_between(borders.pairs, *leaves.merged(), len(leaves.sizes))

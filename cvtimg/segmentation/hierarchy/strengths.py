@@ -11,16 +11,24 @@ of a picture against each other, and steps of them from region to region tell of
 
 P. Arbelaez, M. Maire, C. Fowlkes, J. Malik, IEEE Trans. Pattern Analysis and Machine Intelligence 33 (2011) 898-916,
 doi 10.1109/TPAMI.2010.161: the same on pixels.
+
+A tree tells how much regions differ, with one value for all of the border between two of them; people draw the part
+that they see. Evidence that they draw a border is a product of powers of three views of it, a sum of log odds: its
+altitudes near and from afar, and its strength. It is less amid many other borders, which are texture (C. Grigorescu,
+N. Petkov, M. Westenberg, IEEE Trans. Image Processing 12 (2003) 729-739, doi 10.1109/TIP.2003.814250), and at the
+margin of the image, which is a frame.
 """
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 import cvtimg.segmentation._segments as _segments
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts, one_blas_thread
-from cvtimg._shared.types import Floats, Floats32, Ints, Ints64
+from cvtimg._shared.types import Bools, Floats, Floats32, Ints, Ints64
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation._segments import HIDDEN, N_LEVELS, REACH
 from cvtimg.segmentation.hierarchy.channels import Channels
@@ -37,7 +45,7 @@ def border_strengths(borders: Borders, channels: Channels) -> Floats:
     n_colors = distances.shape[1] - 1
     weights = np.outer([*SETTINGS.color_weights[:n_colors], SETTINGS.texton_weight], SETTINGS.radius_weights)
     strengths = np.einsum("pcr,cr->p", distances, weights)
-    return np.add.reduceat(strengths, borders.starts[:-1]) / borders.lengths
+    return borders.means(strengths)
 
 
 def _angles(borders: Borders) -> Ints:
@@ -164,3 +172,51 @@ def _slow_vectors(pairs: Ints, weights: Floats, masses: Floats) -> tuple[Floats,
         values, vectors = eigsh(matrix, k=n_vectors, sigma=shift, which="LM", v0=start, tol=1e-4)
     order = np.argsort(values)[n_still:n_vectors]
     return np.maximum(values[order], 1e-9), vectors[:, order] / roots[:, None]
+
+
+def evidence_of(borders: Borders, views: Sequence[Floats], inside: Bools) -> Floats:
+    """(B,) evidence of borders; views, (B,) each, are the altitude, the strength, and the altitude from afar."""
+    if not len(borders.pairs):
+        return np.zeros(0)
+    powers = zip(views, SETTINGS.view_powers, strict=True)
+    seen = np.prod([np.maximum(view, SETTINGS.least_view) ** power for view, power in powers], axis=0)
+    rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    box = inside[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]  # an image is what its mask leaves of it
+    places = borders.places - np.array([rows[0], columns[0]])
+    accuracy = SETTINGS.drawing_accuracy * np.hypot(*box.shape)
+    inward = borders.means(_inward(box, places, accuracy))
+    around = np.maximum(borders.means(_around(places, views[1], borders, box.shape)), SETTINGS.least_surround)
+    return seen * np.minimum(inward / accuracy, 1) / (around / SETTINGS.usual_surround) ** SETTINGS.inhibition
+
+
+def chances_of(evidence: NDArray[np.floating]) -> Floats32:
+    """Chances that people draw borders, by their evidence."""
+    odds = (np.asarray(evidence, np.float64) / SETTINGS.half_drawn) ** SETTINGS.drawn_power
+    return (odds / (1 + odds)).astype(np.float32)
+
+
+def _inward(inside: Bools, places: Ints, accuracy: float) -> Floats:
+    """(P,) distance of pixels from the margin; gaps in it that are smaller than people draw have none."""
+    from scipy.ndimage import distance_transform_edt, label
+
+    if not inside.all():
+        gaps, _ = label(~inside)
+        inside = inside | (np.bincount(gaps.ravel()) < np.pi * accuracy**2)[gaps]
+    if inside.all():
+        return np.asarray(np.minimum(places, np.array(inside.shape) - 1 - places).min(axis=1) + 0.5)
+    distances: Floats = distance_transform_edt(np.pad(inside, 1))
+    return distances[tuple(places.T + 1)] - 0.5
+
+
+def _around(places: NDArray[np.integer], strengths: Floats, borders: Borders, shape: tuple[int, ...]) -> Floats:
+    """(P,) mean strength of the borders around each crack."""
+    from scipy.ndimage import gaussian_filter
+
+    width = SETTINGS.surround * np.sqrt(shape[0] * shape[1])
+    side = max(1, int(width / 6))  # of cells in which strengths are added up first, in pixels
+    cells = places // side
+    grid = cells.max(axis=0) + 1
+    flat, size = np.ravel_multi_index(tuple(cells.T), grid), int(np.prod(grid))
+    sums = [np.bincount(flat, np.repeat(strengths, borders.lengths), size), np.bincount(flat, np.ones(len(flat)), size)]
+    total, length = (gaussian_filter(each.reshape(grid), width / side, mode="constant").ravel()[flat] for each in sums)
+    return total / length

@@ -27,7 +27,7 @@ from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import Borders, find_borders
 from cvtimg.labels.contours import find_contours, simplify, strings_of
 from cvtimg.pictures.files import encode_image
-from cvtimg.segmentation.hierarchy.evidence import chances_of
+from cvtimg.segmentation.hierarchy.strengths import chances_of
 from cvtimg.segmentation.values import dark_to_bright
 
 _KIND = "region hierarchy"

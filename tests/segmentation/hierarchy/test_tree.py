@@ -11,8 +11,8 @@ from cvtimg._shared.types import Array
 from cvtimg.labels import region_means
 from cvtimg.labels.components import find_borders
 from cvtimg.segmentation import RegionHierarchy
-from cvtimg.segmentation.hierarchy.evidence import chances_of, evidence_of
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
+from cvtimg.segmentation.hierarchy.strengths import chances_of, evidence_of
 
 
 @pytest.fixture(scope="module")

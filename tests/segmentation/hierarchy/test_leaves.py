@@ -6,8 +6,8 @@ from scipy import ndimage
 
 from cvtimg import segment_hierarchy
 from cvtimg._shared.types import Array
-from cvtimg.segmentation.hierarchy import large_images
-from cvtimg.segmentation.hierarchy.large_images import reduced, reduction
+from cvtimg.segmentation.hierarchy import leaves
+from cvtimg.segmentation.hierarchy.leaves import reduced, reduction
 from cvtimg.segmentation.hierarchy.settings import Settings
 
 
@@ -33,7 +33,7 @@ def test_only_large_images_are_reduced() -> None:
 @pytest.fixture
 def small_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take images of over 10,000 pixels for large ones."""
-    monkeypatch.setattr(large_images, "SETTINGS", Settings(most_pixels=10_000))
+    monkeypatch.setattr(leaves, "SETTINGS", Settings(most_pixels=10_000))
 
 
 @pytest.mark.usefixtures("small_limit")
