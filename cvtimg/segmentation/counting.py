@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import ndimage
 
 from cvtimg._shared.checks import check_choice, check_non_negative, check_partial_image, check_shape, check_that
 from cvtimg._shared.messages import warn
@@ -199,17 +200,12 @@ def count_objects(
 
 def at_edges(labels: Ints) -> Bools:
     """Tell of each label, from 0, whether it has pixels at an edge of the image, or voxels at a face of the volume."""
-    touching = np.zeros(int(labels.max(initial=0)) + 1, np.bool_)
-    for axis in range(labels.ndim):
-        for end in (0, -1):
-            touching[labels.take(end, axis)] = True
-    return touching
+    ends = [labels.take(end, axis).ravel() for axis in range(labels.ndim) for end in (0, -1)]
+    return np.bincount(np.concatenate(ends), minlength=int(labels.max(initial=0)) + 1) > 0
 
 
 def _warn_of_doubts(labels: Ints, inside: Bools, radius: float, size: tuple[float, ...]) -> None:
     """Warn of counts that are doubtful, and say why."""
-    from scipy.ndimage import find_objects
-
     if not labels.any():
         return
     cover = np.count_nonzero(labels) / np.count_nonzero(inside)
@@ -218,12 +214,10 @@ def _warn_of_doubts(labels: Ints, inside: Bools, radius: float, size: tuple[floa
     if radius > 0.5 * min(labels.shape[-2:]):
         warn(f"the usual object has a radius of {radius:.0f} pixels, above half of the image (diameter, background)")
     if len(size) > 2 and size[0] == 1 and labels.shape[0] > 1:
-        sides = [[part.stop - part.start for part in box] for box in find_objects(labels)]
-        deep, *across = np.median(sides, axis=0)
-        if deep < SETTINGS.flat * min(across):
-            warn(
-                f"objects are flat, {deep:.0f} planes for {min(across):.0f} pixels: are planes farther apart (spacing)?"
-            )
+        sides = [[part.stop - part.start for part in box] for box in ndimage.find_objects(labels)]
+        deep, wide = np.median(sides, axis=0)[0], np.median(sides, axis=0)[1:].min()
+        if deep < SETTINGS.flat * wide:
+            warn(f"objects are flat, {deep:.0f} planes for {wide:.0f} pixels: are planes farther apart (spacing)?")
 
 
 def checked_bands(
@@ -247,15 +241,14 @@ def checked_bands(
 
 def sieved(objects: Ints, least: float | None) -> tuple[Ints, float]:
     """Leave out objects that are too small, number the others from 1, and return the least size."""
-    from scipy.ndimage import distance_transform_edt
-
     sizes = np.bincount(objects.ravel())
     sizes[0] = 0
     if least is None:
-        compact = np.sort(sizes)
+        compact = sizes
         if objects.ndim == 2:  # long objects count as some of the largest discs in them
-            discs = np.pi * largest_by_label(distance_transform_edt(objects), objects) ** 2
-            compact = np.sort(np.minimum(sizes, SETTINGS.most_discs * discs))
+            discs = np.pi * largest_by_label(ndimage.distance_transform_edt(objects), objects) ** 2
+            compact = np.minimum(sizes, SETTINGS.most_discs * discs)
+        compact = np.sort(compact)
         pixels = np.cumsum(compact)
         least = float(SETTINGS.least_size * compact[np.searchsorted(pixels, pixels[-1] / 2)])
     return numbers_of(sizes >= max(least, 1))[objects], least
@@ -263,16 +256,12 @@ def sieved(objects: Ints, least: float | None) -> tuple[Ints, float]:
 
 def _stronger(labels: Ints, doubt: Floats32, step: float) -> Ints:
     """Leave out what the light may be: objects of a contrast that is not above the doubts about it."""
-    from scipy.ndimage import median
-
-    is_light = SETTINGS.doubt * median(doubt, labels, range(1, int(labels.max()) + 1)) >= step
+    is_light = SETTINGS.doubt * ndimage.median(doubt, labels, range(1, int(labels.max()) + 1)) >= step
     return numbers_of(np.append(False, ~is_light))[labels]
 
 
 def _radius(bright: Bools, size: tuple[float, ...]) -> float:
     """Return the radius of the usual object, 0 if there is none; of a large image, in its middle."""
-    from scipy.ndimage import distance_transform_edt
-
     tiles = [tile for tile, _ in _tiles(bright.shape, 0)]
     middle = bright[tiles[len(tiles) // 2]]
     shown = _whole(middle if middle.any() else bright)
@@ -280,20 +269,18 @@ def _radius(bright: Bools, size: tuple[float, ...]) -> float:
         return 0.0
     # In a ball of n dimensions, the mean squared distance to its rim is 2 / (n + 1) (n + 2) of its squared radius.
     n = sum(length > 1 for length in shown.shape)
-    return float(np.sqrt((n + 1) * (n + 2) / 2 * np.mean(distance_transform_edt(shown, size)[shown] ** 2)))
+    return float(np.sqrt((n + 1) * (n + 2) / 2 * np.mean(ndimage.distance_transform_edt(shown, size)[shown] ** 2)))
 
 
 def _in_tiles(
     contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: _Necks
 ) -> Ints:
     """Label objects tile by tile; each is that of the tile in whose core its middle lies."""
-    from scipy.ndimage import center_of_mass
-
     objects, last = np.zeros(inside.shape, np.int32), 0
     for tile, core in _tiles(inside.shape, round(SETTINGS.most_discs * radius)):
         parts = split(contrast[tile], inside[tile], threshold, radius, size, necks)
         parts = with_own_borders(parts, contrast[tile][..., None], np.zeros(1, np.float32))
-        middles = center_of_mass(parts > 0, parts, np.arange(1, int(parts.max()) + 1))
+        middles = ndimage.center_of_mass(parts > 0, parts, np.arange(1, int(parts.max()) + 1))
         is_in_core = [((at[-2:] >= core[0]) & (at[-2:] < core[1])).all() for at in map(np.asarray, middles)]
         numbers = numbers_of(np.array([False, *is_in_core]))
         free = (numbers[parts] > 0) & (objects[tile] == 0)
@@ -306,10 +293,8 @@ def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ..
     """Yield overlapping tiles of planes, and the first and last corner of the core of each, which no other has."""
     side = max(int((SETTINGS.tile / np.prod(shape[:-2])) ** 0.5) - 2 * overlap, 4 * overlap, 1)
     lengths = np.array(shape[-2:])
-    n_parts = np.where(lengths > side + 2 * overlap, -(-lengths // side), 1).tolist()
-    along = [
-        pairwise([length * part // n for part in range(n + 1)]) for length, n in zip(shape[-2:], n_parts, strict=True)
-    ]
+    n_parts = np.where(lengths > side + 2 * overlap, -(-lengths // side), 1)
+    along = [pairwise(np.arange(n + 1) * length // n) for length, n in zip(lengths, n_parts, strict=True)]
     for core in product(*along):
         first, last = np.array(core).T
         top, bottom = np.maximum(first - overlap, 0), np.minimum(last + overlap, lengths)
@@ -318,21 +303,19 @@ def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ..
 
 def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Floats32, float, float]:
     """Return a blurred image, the blur that its noise calls for, and the noise that is left."""
-    from scipy.ndimage import gaussian_filter
-
     planes = gray.reshape(-1, *gray.shape[-2:])
     every = -(-gray.size // SETTINGS.tile)
     some, known = planes[::every], inside.reshape(planes.shape)[::every]
     # Noise alone leaves 1 - 2 / pi of its variance about the means of its halves: dots, which leave less, are none.
     noise = np.median([noise_covariance(plane[..., None]) for plane in some])
     noise = float(min(noise, left_by_two(some[known]) / (1 - 2 / np.pi))) ** 0.5
-    first = np.stack([gaussian_filter(plane, 2.0) for plane in some])
+    first = np.stack([ndimage.gaussian_filter(plane, 2.0) for plane in some])
     bright = are_bright(first)
     step = float(first[bright].mean() - first[~bright].mean()) if 0 < bright.sum() < bright.size else 0.0
     blur = float(np.clip(SETTINGS.blur_of_noise * noise / step, *SETTINGS.blurs)) if step else SETTINGS.blurs[0]
     sigmas = [blur / side for side in size]
     left = [min(1.0, (2 * np.sqrt(np.pi) * sigma) ** -0.5) for sigma in sigmas]
-    return gaussian_filter(gray, sigmas), blur, noise * float(np.prod(left))
+    return ndimage.gaussian_filter(gray, sigmas), blur, noise * float(np.prod(left))
 
 
 def _noise_of_ground(contrast: Floats32, inside: Bools, radius: float) -> float:
@@ -402,17 +385,15 @@ def split(
     contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: _Necks
 ) -> Ints:
     """Return labels of the objects, touching ones split at their necks."""
-    from scipy.ndimage import label, zoom
-
     fine = 2 if radius < SETTINGS.small and contrast.ndim == 2 else 1
     if fine > 1:
-        contrast = zoom(contrast, fine, order=3, grid_mode=True, mode="nearest")
+        contrast = ndimage.zoom(contrast, fine, order=3, grid_mode=True, mode="nearest")
         inside = inside.repeat(fine, axis=0).repeat(fine, axis=1)
     objects, shares = _peeled(np.where(inside, contrast, np.float32(0)), threshold, radius * fine, size)
     ripples, depth = necks
     distance = _distance(objects & (shares >= _level_of_necks(objects, shares, size)), size, fine)
     if depth == np.inf:
-        parts = np.asarray(label(objects)[0], np.int32)
+        parts = np.asarray(ndimage.label(objects)[0], np.int32)
     elif depth is not None:
         parts = split_at_saddles(np.where(objects, distance, np.float32(0)), objects, depth)
     else:
@@ -424,20 +405,16 @@ def split(
 
 def _level_of_necks(objects: Bools, shares: Floats32, size: tuple[float, ...]) -> float:
     """Return the share of contrast halfway between outlines and what lies deep in objects: there, gaps are open."""
-    from scipy.ndimage import distance_transform_edt
-
-    away = distance_transform_edt(objects, size)[objects]
+    away = ndimage.distance_transform_edt(objects, size)[objects]
     deep = shares[objects][away > np.median(away)] if away.size else away
     return 0.5 * (0.5 + float(np.clip(np.quantile(deep, SETTINGS.spots), 0.5, 1))) if deep.size else 0.5
 
 
 def _distance(objects: Bools, size: tuple[float, ...], fine: int = 1) -> Floats32:
     """Return the distance to the background, blurred, in pixels of which each is `fine` of those of the objects."""
-    from scipy.ndimage import distance_transform_edt, gaussian_filter
-
     sigmas = [SETTINGS.blurs[0] * fine / side for side in size]
-    away = distance_transform_edt(objects, size).astype(np.float32)
-    return np.asarray(gaussian_filter(away, sigmas, mode="nearest") / fine)
+    away = ndimage.distance_transform_edt(objects, size).astype(np.float32)
+    return np.asarray(ndimage.gaussian_filter(away, sigmas, mode="nearest") / fine)
 
 
 def _at_necks(distance: Floats32, objects: Bools) -> Ints:
@@ -451,20 +428,18 @@ def _peeled(contrast: Floats32, threshold: float, radius: float, size: tuple[flo
 
     And of each pixel its share of the contrast of the piece of which it is; half, where it is none.
     """
-    from scipy.ndimage import binary_dilation, distance_transform_edt, label, median
-
     rest, shares = contrast > min(threshold, 0.5), np.full(contrast.shape, np.float32(0.5))
     thick = max(radius * SETTINGS.thin, 1)
     while np.count_nonzero(rest) * np.prod(size) > thick**rest.ndim:
-        pieces, n_pieces = label(rest)
-        levels = np.append(np.inf, median(contrast[rest], pieces[rest], np.arange(1, n_pieces + 1)))
+        pieces, n_pieces = ndimage.label(rest)
+        levels = np.append(np.inf, ndimage.median(contrast[rest], pieces[rest], np.arange(1, n_pieces + 1)))
         core = rest & (contrast > 0.5 * levels[pieces]) & (levels[pieces] >= threshold)
         if not core.any():
             break
         shares[core] = contrast[core] / levels[pieces[core]]
         # What is left counts where it is thick: in balls of this radius.
-        kernels = distance_transform_edt(rest & ~binary_dilation(core, iterations=2), size) > thick
-        rest = distance_transform_edt(~kernels, size) <= thick if kernels.any() else kernels
+        kernels = ndimage.distance_transform_edt(rest & ~ndimage.binary_dilation(core, iterations=2), size) > thick
+        rest = ndimage.distance_transform_edt(~kernels, size) <= thick if kernels.any() else kernels
     return _whole(shares > 0.5, radius), shares
 
 
@@ -473,11 +448,10 @@ def _whole(objects: Bools, radius: float = 0.0) -> Bools:
 
     What is no larger than three usual objects, if their radius is known, is no clump of several with pores between.
     """
-    from scipy.ndimage import label
     from skimage.measure import regionprops
 
     filled = ~_ground(objects)
-    pieces, n_pieces = label(filled)
+    pieces, n_pieces = ndimage.label(filled)
     with_holes = np.bincount(pieces[filled & ~objects], minlength=n_pieces + 1) > 0
     whole = objects.copy()
     for region in regionprops(pieces * with_holes[pieces]):  # type: ignore[no-untyped-call]
@@ -490,10 +464,8 @@ def _whole(objects: Bools, radius: float = 0.0) -> Bools:
 
 def _are_discs(piece: Bools) -> bool:
     """Tell whether a piece with pores is a clump of discs, each of which fills its part, and no object with holes."""
-    from scipy.ndimage import label
-
     piece = np.pad(piece, 1)
-    if piece.ndim != 2 or label(~piece)[1] <= SEVERAL:  # what is around, and pores; a ring has one
+    if piece.ndim != 2 or ndimage.label(~piece)[1] <= SEVERAL:  # what is around, and pores; a ring has one
         return False
     distance = _distance(piece, (1.0, 1.0))
     parts = _at_necks(distance, piece)
@@ -506,19 +478,17 @@ def _ground(objects: Bools) -> Bools:
 
     The last is the inside of a ring, or of a dish.
     """
-    from scipy.ndimage import distance_transform_edt, label
-
-    pores, n_pores = label(~objects)
+    pores, n_pores = ndimage.label(~objects)
     is_ground = at_edges(pores)
     sizes = np.bincount(pores.ravel(), minlength=n_pores + 1)
     sizes[0] = 0
     is_ground[sizes.argmax()] = True
     if not is_ground[1:].all():
-        pieces, n_pieces = label(objects, np.ones((3,) * objects.ndim))
+        pieces, n_pieces = ndimage.label(objects, np.ones((3,) * objects.ndim))
         firsts = np.unique(pieces, return_index=True)[1][-n_pieces:]  # in reading order: what is before is around
         around = pores.ravel()[np.maximum(firsts - 1, 0)]
-        thick = largest_by_label(distance_transform_edt(objects), pieces)[1:]
-        free = largest_by_label(distance_transform_edt(~objects), pores)
+        thick = largest_by_label(ndimage.distance_transform_edt(objects), pieces)[1:]
+        free = largest_by_label(ndimage.distance_transform_edt(~objects), pores)
         for pore in np.flatnonzero((np.bincount(around, minlength=n_pores + 1) >= SEVERAL) & ~is_ground):
             is_ground[pore] = free[pore] > np.sort(thick[around == pore])[-SEVERAL]
     is_ground[0] = False

@@ -91,23 +91,18 @@ def descend(
     allowed = Moves(**moves)
     frame = slice(allowed.radius, -allowed.radius)
     padded = np.zeros([side + 2 * allowed.radius for side in labels.shape], np.int32)
-    copy_rows(_start(labels, weights), padded[frame, frame])
     known = None if weights is None else np.ascontiguousarray(weights, dtype=np.float32)
+    if known is not None:
+        inside, has_weight = labels > 0, known.any(axis=2)
+        if (inside & has_weight).any():
+            labels = np.where(inside & ~has_weight, from_nearest(labels, inside & has_weight), labels)
+    copy_rows(labels, padded[frame, frame])
     others, stale = np.zeros(padded.shape, np.uint16), np.zeros(padded.shape, np.uint8)
     whole = Layers(np.ascontiguousarray(values, dtype=np.float32), known, padded, others, stale)
     state = State(whole, values.shape, n_segments, allowed)
     energies, edge_weight, converged = state.descend(edge_weight, detail, max_sweeps)
     inner, cells = copy_rows(padded[frame, frame], np.empty(labels.shape, np.int32)), state.cells
     return EdgeWeighted(inner, cells.means[1:].copy(), cells.masses[1:].copy(), energies, edge_weight, converged)
-
-
-def _start(labels: Ints, weights: Floats32 | None) -> Ints:
-    """Give each unknown pixel the label of the nearest known one."""
-    if weights is None:
-        return labels
-    inside, has_weight = labels > 0, weights.any(axis=2)
-    unknown, known = inside & ~has_weight, inside & has_weight
-    return np.where(unknown, from_nearest(labels, known), labels) if unknown.any() and known.any() else labels
 
 
 class Layers(NamedTuple):
@@ -337,9 +332,7 @@ class State:
         present[0] = False
         before = np.flatnonzero(present) % n_labels - 1
         numbers = np.where(present, np.cumsum(present), 0).astype(np.int32)[keys]
-        parts = parts_of(
-            image.values, np.pad(numbers, margin), margin, self._steps, 2 * edge_weight, self.rates[1:].copy()
-        )
+        parts = parts_of(image.values, np.pad(numbers, margin), margin, self._steps, 2 * edge_weight, self.rates[1:])
         after = rearranged(parts, before)
         if (after == before).all():
             return False

@@ -50,9 +50,8 @@ class Edit:
             points = tuple((int(x), int(y)) for x, y in (word.split(",") for word in words))
             if kind in (*_BRUSHES, *_OTHERS) and len(points) > (kind == "merge") and 0 <= radius < np.inf:
                 return cls(kind, points, radius)
-        raise ValueError(
-            f"{text[:60]!r} must be merge X,Y X,Y..., split X,Y, paint R X,Y..., add R X,Y... or erase R X,Y..."
-        )
+        edits = "merge X,Y X,Y..., split X,Y, paint R X,Y..., add R X,Y... or erase R X,Y..."
+        raise ValueError(f"{text[:60]!r} must be {edits}")
 
 
 def edit_labels(

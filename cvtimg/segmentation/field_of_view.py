@@ -1,6 +1,7 @@
 """What an image shows beside its subject: margins of one value, and what lies around the field of a lens or a dish."""
 
 import numpy as np
+from scipy import ndimage
 
 from cvtimg._shared.threads import one_blas_thread
 from cvtimg._shared.types import Bools, Floats32
@@ -31,10 +32,9 @@ def within_margins(gray: Floats32, inside: Bools) -> Bools:
     for axis in range(gray.ndim):
         for end in (0, -1):
             kept[axis] = _without_margin(gray[tuple(kept)], axis, end, kept[axis])
-    margins = np.ones(gray.shape, np.bool_)
-    margins[tuple(kept)] = False
-    rest = gray[tuple(kept)]
-    return inside if np.ptp(rest) == 0 or not (inside & ~margins).any() else inside & ~margins
+    within = np.zeros_like(inside)
+    within[tuple(kept)] = inside[tuple(kept)]
+    return within if np.ptp(gray[tuple(kept)]) and within.any() else inside
 
 
 def _without_margin(gray: Floats32, axis: int, end: int, kept: slice) -> slice:
@@ -58,9 +58,7 @@ def surroundings(gray: Floats32, objects: Bools, inside: Bools, near: int) -> Bo
     holes filled. In the last two cases it has several of the other class on it, and more borders for its size than its
     surroundings: optics cut smoothly, and what they cut off is empty.
     """
-    from scipy.ndimage import binary_dilation, find_objects
-
-    box = find_objects(inside.view(np.uint8))[0] if inside.any() else ()
+    box = ndimage.find_objects(inside.view(np.uint8))[0] if inside.any() else ()
     if objects.ndim != 2 or min(objects[box].shape) < 3:
         return None
     beyond = np.zeros_like(inside)
@@ -74,7 +72,7 @@ def surroundings(gray: Floats32, objects: Bools, inside: Bools, near: int) -> Bo
         if field is None or (inside & ~field).sum() <= _LEAST_AROUND * inside.sum():
             continue
         if _is_view(field, others, inside, near):
-            beyond[box] = inside & binary_dilation(~field, iterations=near)
+            beyond[box] = inside & ndimage.binary_dilation(~field, iterations=near)
             return beyond
     return None
 
@@ -84,14 +82,12 @@ def _largest_part(region: Bools, corners: tuple[slice, ...]) -> Bools | None:
 
     None if it is in a corner or less than a field.
     """
-    from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
-
     wide = max(_HANGING * min(region.shape), 2.0)
-    filled = np.asarray(binary_fill_holes(region))
-    if np.bincount(label(filled)[0].ravel())[1:].max(initial=0) < _LEAST_FIELD * filled.size:
+    filled = np.asarray(ndimage.binary_fill_holes(region))
+    if np.bincount(ndimage.label(filled)[0].ravel())[1:].max(initial=0) < _LEAST_FIELD * filled.size:
         return None
     # Beyond the image lies neither.
-    core, n_parts = label(distance_transform_edt(np.pad(filled, 1, mode="edge"))[1:-1, 1:-1] > wide)
+    core, n_parts = ndimage.label(ndimage.distance_transform_edt(np.pad(filled, 1, mode="edge"))[1:-1, 1:-1] > wide)
     if not n_parts:
         return None
     sizes = np.bincount(core.ravel())
@@ -99,16 +95,15 @@ def _largest_part(region: Bools, corners: tuple[slice, ...]) -> Bools | None:
     largest = core == sizes.argmax()
     if largest[corners].any():
         return None
-    field = np.asarray(filled & (distance_transform_edt(~largest) <= wide))
+    field = np.asarray(filled & (ndimage.distance_transform_edt(~largest) <= wide))
     return None if field[corners].any() or field.mean() < _LEAST_FIELD else field
 
 
 def _is_view(field: Bools, others: Bools | None, inside: Bools, near: int) -> bool:
     """Tell whether a field is one of view, with others on it that are to be there: see `surroundings`."""
-    from scipy.ndimage import binary_dilation, binary_erosion, label
     from skimage.morphology import convex_hull_image
 
-    around = np.asarray(label(~field | ~inside, np.ones((3, 3)))[0])
+    around = np.asarray(ndimage.label(~field | ~inside, np.ones((3, 3)))[0])
     rim = np.ones(field.shape, np.bool_)
     rim[1:-1, 1:-1] = False
     corners = around[:: len(around) - 1, :: around.shape[1] - 1]
@@ -119,9 +114,9 @@ def _is_view(field: Bools, others: Bools | None, inside: Bools, near: int) -> bo
         return False
     if others is None:
         return True
-    within = field & binary_erosion(field, iterations=near + 2)
-    outer = inside & ~binary_dilation(field, iterations=near + 2)
-    if np.count_nonzero(np.bincount(label(within & others)[0].ravel())[1:] > _SPECK) < SEVERAL:
+    within = field & ndimage.binary_erosion(field, iterations=near + 2)
+    outer = inside & ~ndimage.binary_dilation(field, iterations=near + 2)
+    if np.count_nonzero(np.bincount(ndimage.label(within & others)[0].ravel())[1:] > _SPECK) < SEVERAL:
         return False
     edges = np.zeros(field.shape, np.bool_)
     edges[1:] |= others[1:] != others[:-1]
@@ -134,10 +129,8 @@ def evenly_lit(gray: Floats32, inside: Bools, outside: Bools) -> Floats32:
 
     What is around the field has more than one value behind a lens, but not where an image was cut out or turned.
     """
-    if (
-        np.quantile(gray[inside], 0.05) <= np.median(gray[outside])
-        or np.ptp(gray[:: len(gray) - 1, :: gray.shape[1] - 1]) == 0
-    ):
+    corners = gray[:: len(gray) - 1, :: gray.shape[1] - 1]
+    if np.quantile(gray[inside], 0.05) <= np.median(gray[outside]) or np.ptp(corners) == 0:
         return gray
     least = float(gray[inside].min())
     logs = np.log(np.maximum(gray if least > 0 else gray + np.float32(1 - least), np.finfo(np.float32).tiny))
@@ -163,11 +156,9 @@ def without_light(gray: Floats32, inside: Bools) -> tuple[Floats32, Floats32 | N
     It may be stronger than the contrast of objects, and two levels of the image are then its bright and its dark side.
     Light alone leaves what values were rounded by, which is nothing.
     """
-    from scipy.ndimage import gaussian_filter
-
     if gray.ndim != 2:
         return gray, None
-    smooth = gaussian_filter(np.where(inside, gray, np.median(gray[inside])), FOR_CONTRAST)
+    smooth = ndimage.gaussian_filter(np.where(inside, gray, np.median(gray[inside])), FOR_CONTRAST)
     light = _light(smooth, inside)
     uneven, even = (left_by_two(values[inside]) for values in (smooth, smooth - light))
     if 2 * even >= uneven:

@@ -124,16 +124,22 @@ def divide_stack(
     # Together, pages are a volume if the distance of planes is known, or one image with rows between them, which keep
     # them `apart`. With `track`, labels keep their number from frame to frame.
     assert stack.header is not None  # in tiles, there is none
-    parts = [_without_alpha(image, known, stack.header) for image, known in stack]
+    parts: list[_Part] = []
+    for image, known in stack:
+        has_alpha = stack.header.has_alpha and image.shape[2:] == (4,)  # what it hides does not count
+        parts.append((image[:, :, :3], known & (image[:, :, 3] > 0)) if has_alpha else (image, known))
     pages = stack.content if stack.kind == "pages" and len(parts) > 1 else None
-    if track:
-        _check_frames(pages, volumes)
+    axes = pages.axes if pages else ""
+    if track and not axes.startswith("T"):
+        raise ValueError(f"has the axes {axes}YX, without T to track objects along; --axes names them")
+    if track and axes != "T" and not volumes:
+        raise ValueError(f"has the axes {axes}YX: objects are tracked with --volume, or in one plane, --z N")
     # Pages that are divided at a time, as one image or volume.
     n_together = len(pages.images) if pages and together else 1
     spacing: dict[str, Any] = {}
     if volumes:
         spacing, n_together = {"spacing": _spacing(pages)}, pages.shape[-1] if pages else 1
-    elif pages and together and pages.axes in ("Z", "Q") and pages.pixel_size and pages.pixel_size.z:
+    elif pages and together and axes in ("Z", "Q") and pages.pixel_size and pages.pixel_size.z:
         spacing = {"spacing": _spacing(pages)}
     labels, results = np.empty((len(parts), *parts[0][0].shape[:2]), np.int32), []
     for start in range(0, len(parts), n_together):
@@ -152,15 +158,6 @@ def divide_stack(
         frames = labels.reshape(pages.shape[0] if pages else 1, -1, *labels.shape[1:])
         labels = track_labels(frames).reshape(labels.shape)
     return DividedStack(stack.header, pages, tuple(image for image, _ in parts), tuple(results), labels)
-
-
-def _check_frames(pages: Pages | None, in_volumes: bool) -> None:
-    """Refuse stacks without frames to track objects along."""
-    axes = pages.axes if pages else ""
-    if not axes.startswith("T"):
-        raise ValueError(f"has the axes {axes}YX, without T to track objects along; --axes names them")
-    if axes != "T" and not in_volumes:
-        raise ValueError(f"has the axes {axes}YX: objects are tracked with --volume, or in one plane, --z N")
 
 
 def _stacked(parts: Sequence[_Part], apart: int | None) -> _Part:
@@ -184,10 +181,3 @@ def _spacing(pages: Pages | None) -> tuple[float, float, float]:
     if pages.axes not in ("Z", "TZ", "Q"):
         raise ValueError(f"has the axes {pages.axes}YX, where (T)ZYX is expected; --axes names them")
     return size.z, size.y, size.x
-
-
-def _without_alpha(image: Array, known: Bools, header: ImageInfo) -> _Part:
-    """Return the bands that count, and the pixels that count and can be seen."""
-    if header.has_alpha and image.shape[2:] == (4,):
-        return image[:, :, :3], known & (image[:, :, 3] > 0)
-    return image, known

@@ -72,11 +72,10 @@ def superpixels(
     bands, known = check_partial_image("image", image, mask)
     frame = frame_of(bands, known)
     values = picture_values(contiguous(frame.of(bands)), check_choice("space", space, SPACES), frame.of(known))
-    given = check_edge_weight(compactness, "compactness")
+    weight = check_edge_weight(compactness, "compactness")
     n_superpixels = check_count("n_superpixels", n_superpixels, int(values.inside.sum()), "the number of pixels")
     field = values.field()
     cells = grid_of_cells(values.inside, n_superpixels)
-    weight = given
     if weight is None:  # the variance within cells, or the noise where that needs more
         weight = max(compactness_of(field, cells), auto_weight(noise_covariance(field, values.inside), RADIUS))
     descent = _settled(field, cells, weight, bool(values.inside.all()))
@@ -87,8 +86,7 @@ def superpixels(
 def _settled(field: Floats32, cells: Ints, weight: float, whole: bool) -> EdgeWeighted:
     """Lower the energy of cells, of a whole image at half the size first: borders move twice as far there."""
     (height, width), n_cells = (side // 2 for side in cells.shape), int(cells.max())
-    halves = whole and min(height, width, (height * width / n_cells) ** 0.5) >= _LEAST_SIDE
-    if halves:
+    if whole and min(height, width, (height * width / n_cells) ** 0.5) >= _LEAST_SIDE:
         half = halved(field)
         # A pixel stands for four there, and a border has half the length.
         small: Any = half, cells[: 2 * height : 2, : 2 * width : 2], weight / 2, True

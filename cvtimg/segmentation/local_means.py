@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import ndimage
 
 from cvtimg._shared.types import Array, Bools, Floats32
 from cvtimg.engine.tessellation import tessellate
@@ -41,8 +42,6 @@ def in_even_light(values: Floats32, inside: Bools, n_segments: int, rng: int | n
 
 def local_mean(values: Floats32, of: Bools, reach: Sequence[float], prior: float) -> Floats32:
     """Return the Gaussian mean of some pixels around each, drawn to the mean of all where there are few, in blocks."""
-    from scipy.ndimage import gaussian_filter
-
     sizes = [max(int(far / _BLOCKS_IN_REACH), 1) for far in reach]  # fine enough for what varies so slowly
     sigmas = [far / side for far, side in zip(reach, sizes, strict=True)]
     sums, counts = values * of, of.astype(np.float32)
@@ -51,7 +50,7 @@ def local_mean(values: Floats32, of: Bools, reach: Sequence[float], prior: float
             starts = np.arange(0, of.shape[axis], side)
             sums, counts = (np.add.reduceat(whole, starts, axis=axis) for whole in (sums, counts))
     mean = float(sums.sum(dtype=np.float64) / counts.sum(dtype=np.float64))
-    total, mass = (gaussian_filter(blocks / np.prod(sizes), sigmas, mode="nearest") for blocks in (sums, counts))
+    total, mass = (ndimage.gaussian_filter(each / np.prod(sizes), sigmas, mode="nearest") for each in (sums, counts))
     return np.asarray((total + prior * mean) / (mass + prior), np.float32)
 
 

@@ -11,7 +11,7 @@ because w * |u - z|^2 = |w * u - z|^2 + a term without z.
 from collections.abc import Callable
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy import ndimage
 from scipy.special import ndtri
 
 from cvtimg._shared.threads import side_by_side
@@ -72,9 +72,7 @@ def _block_covariances(values: Array, inside: Bools | None) -> Floats:
         return np.zeros((0, n_dims, n_dims))
     differences = np.diff(np.diff(values.astype(np.float64), 2, axis=0), 2, axis=1) / 6
     if inside is not None and not inside.all():
-        from scipy.ndimage import binary_erosion
-
-        whole = binary_erosion(inside, np.ones((3, 3)))[1:-1, 1:-1]
+        whole = ndimage.binary_erosion(inside, np.ones((3, 3)))[1:-1, 1:-1]
         differences[~whole] = np.nan
     height, width = differences.shape[:2]
     n_columns = min(_BLOCK, width)
@@ -90,7 +88,7 @@ def noise_gain(deviation: float) -> float:
     """Return the part of the variance of white noise that averages have: the sum of the squared weights."""
     line = np.zeros(2 * int(TRUNCATE * deviation) + 5)
     line[len(line) // 2] = 1
-    weights = gaussian_filter(line, deviation, mode="constant", truncate=TRUNCATE)
+    weights = ndimage.gaussian_filter(line, deviation, mode="constant", truncate=TRUNCATE)
     return float(weights @ weights) ** 2
 
 
@@ -100,7 +98,7 @@ def averaged(values: Floats32, deviation: float, inside: Bools | None = None) ->
     within = np.ones(values.shape[:2], bool) if inside is None else inside
 
     def filtered(image: Floats32) -> Floats32:
-        return np.asarray(gaussian_filter(image, deviation, mode="constant", truncate=TRUNCATE, axes=(0, 1)))
+        return np.asarray(ndimage.gaussian_filter(image, deviation, mode="constant", truncate=TRUNCATE, axes=(0, 1)))
 
     mass = filtered(within[..., None].astype(np.float32))
     sums = filtered(np.where(within[..., None], values, np.float32(0)))
@@ -109,10 +107,8 @@ def averaged(values: Floats32, deviation: float, inside: Bools | None = None) ->
 
 def without_impulses(plane: Floats32) -> Floats32:
     """Replace impulses by medians: pixels that stand out from all around and lend nothing to what is next to them."""
-    from scipy.ndimage import label, median_filter
-
     for _ in range(2):  # what is left of groups that were the median themselves stands out then
-        around = median_filter(plane, 3, mode="mirror")
+        around = ndimage.median_filter(plane, 3, mode="mirror")
         away = np.abs(plane - around)
         # The largest of this many values of normal noise.
         out = _deviation(plane, away) * np.sqrt(2 * np.log(plane.size))
@@ -128,7 +124,7 @@ def without_impulses(plane: Floats32) -> Floats32:
         if not abs(lent[alone].sum()) < NEXT_TO_LIGHT * np.abs(steps[alone]).sum():
             break
         # By chance, impulses touch in groups: of n in N pixels, n (8 n / N)^(k - 1) in groups of k.
-        n, pieces = len(y), label(hits, np.ones((3, 3)))[0]
+        n, pieces = len(y), ndimage.label(hits, np.ones((3, 3)))[0]
         chance = 8 * n / plane.size
         most = 2 + np.log(n) / -np.log(chance) if chance < 1 else np.inf
         plane = np.where(hits & (np.bincount(pieces.ravel())[pieces] <= most), around, plane)

@@ -57,8 +57,7 @@ class Parts:
     def costs_at(self, means: Floats) -> Floats:
         """(K, N) costs of each part in each segment with these generators."""
         away = self.squares - 2 * np.einsum("kd,nd->kn", means, self.sums) + self.masses * _squared(means)[:, None]
-        costs: Floats = self.rates[:, :1] * away + self.rates[:, 1:] * self.masses
-        return costs
+        return np.asarray(self.rates[:, :1] * away + self.rates[:, 1:] * self.masses)
 
     def energy(self, labels: _Labels) -> float:
         """Return the energy of labels, of segments and of borders."""
@@ -67,8 +66,7 @@ class Parts:
 
 
 def _squared(rows: Floats) -> Floats:
-    squares: Floats = np.einsum("kd,kd->k", rows, rows)
-    return squares
+    return np.asarray(np.einsum("kd,kd->k", rows, rows))
 
 
 def parts_of(values: Floats32, numbers: Ints, margin: int, steps: Ints, border: float, rates: Floats) -> Parts:
@@ -81,9 +79,8 @@ def parts_of(values: Floats32, numbers: Ints, margin: int, steps: Ints, border: 
     n_parts, n_dims = int(numbers.max()), values.shape[2]
     moments = np.zeros((n_parts + 1, 2 * n_dims + 1))
     _segments.measure_cells(values, None, numbers, margin, np.zeros_like(moments), moments)
-    masses, sums, squares = (
-        np.ascontiguousarray(columns) for columns in (moments[1:, 0], moments[1:, n_dims:-1], moments[1:, -1])
-    )
+    columns = moments[1:, 0], moments[1:, n_dims:-1], moments[1:, -1]
+    masses, sums, squares = map(np.ascontiguousarray, columns)
     flat, near = numbers.ravel(), csr_array((n_parts, n_parts))
     for step in steps[steps > 0]:
         before, after = flat[:-step], flat[step:]

@@ -143,10 +143,8 @@ class Segmentation(Segments):
 
     def _claims(self) -> Claims:
         yield from Segments._claims(self)
-        yield (
-            "masses are numbers of pixels",
-            equals(self.masses, np.bincount(self.labels.ravel(), minlength=self.n_segments + 1)[1:]),
-        )
+        counts = np.bincount(self.labels.ravel(), minlength=self.n_segments + 1)[1:]
+        yield "masses are numbers of pixels", equals(self.masses, counts)
 
     def summary(self) -> Row:
         """Return what a table says of the result, by column."""
@@ -187,10 +185,8 @@ class Segmentation(Segments):
     def __repr__(self) -> str:
         size = " x ".join(map(str, self.labels.shape[::-1]))
         ending = "converged" if self.converged else "not converged"
-        return (
-            f"Segmentation({self.n_segments} segments of {size} pixels, energy={self.energy:.6g}, "
-            f"edge_weight={self.edge_weight:.4g}, {ending})"
-        )
+        figures = f"energy={self.energy:.6g}, edge_weight={self.edge_weight:.4g}"
+        return f"Segmentation({self.n_segments} segments of {size} pixels, {figures}, {ending})"
 
 
 def measured(labels: Ints, image: Array, **more: Any) -> Segmentation:

@@ -14,6 +14,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from cvtimg._shared.checks import check_choice, check_non_negative
 from cvtimg._shared.sums import per_mass, sum_by_label
@@ -73,13 +74,12 @@ def split_touching(inside: Bools, neck_depth: float = 0.5, contrast: NDArray[np.
     """Label the objects of a mask, (H, W), splitting those that touch: at necks, and where their contrast differs."""
     # S. Beucher, C. Lantuejoul, Use of watersheds in contour detection, International Workshop on Image Processing,
     # Rennes, 1979.
-    from scipy.ndimage import distance_transform_edt, gaussian_filter
     from skimage.measure import label
 
     if not inside.any() or neck_depth == np.inf:
         return np.asarray(label(inside, connectivity=1), np.int32)  # type: ignore[no-untyped-call]
     # Beyond the image lies no background: objects that the image cuts off are no thinner for it.
-    distance = gaussian_filter(np.asarray(distance_transform_edt(inside)), _BLUR, mode="nearest")
+    distance = ndimage.gaussian_filter(np.asarray(ndimage.distance_transform_edt(inside)), _BLUR, mode="nearest")
     if contrast is not None and (usual := np.median(contrast[inside])) > 0:
         distance *= np.sqrt(np.maximum(contrast, 0) / usual)
     return split_at_saddles(distance, inside, neck_depth)
@@ -119,7 +119,6 @@ def split_at_saddles(height: NDArray[np.floating], inside: Bools, depth: float) 
 
 def with_own_borders(objects: Ints, values: Floats32, ground: Floats32) -> Ints:
     """Take from each object what is nearer to the mean of the background than to the object's own."""
-    from scipy.ndimage import binary_fill_holes
     from skimage.measure import label
 
     inside = objects > 0
@@ -134,7 +133,7 @@ def with_own_borders(objects: Ints, values: Floats32, ground: Floats32) -> Ints:
     kept = np.zeros_like(objects)
     kept[inside] = near
     # What an object encloses is part of it, and what it has lost touch with is not.
-    kept = np.where(binary_fill_holes(kept > 0), objects, 0)
+    kept = np.where(ndimage.binary_fill_holes(kept > 0), objects, 0)
     pieces = np.asarray(label(kept, connectivity=1))  # type: ignore[no-untyped-call]
     of = np.zeros(int(pieces.max()) + 1, np.int32)
     of[pieces.ravel()] = kept.ravel()

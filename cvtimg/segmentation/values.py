@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import ndimage
 
 from cvtimg._shared.checks import check_partial_image, check_that
 from cvtimg._shared.choices import SpaceName
@@ -78,8 +79,7 @@ class PictureValues:
         """Convert (K, D) values to (K, C) colors in the units of the image."""
         if self.space == "rgb":
             return self.spacing.within(values / self.unit + self.spacing.first)
-        colors: Floats = from_space(values / self.unit, self.space, np.dtype(np.float64))
-        return colors * peak(self.dtype)
+        return np.asarray(from_space(values / self.unit, self.space, np.dtype(np.float64)) * peak(self.dtype))
 
 
 def at_pixels(rows: Array, inside: Bools) -> Array:
@@ -98,9 +98,7 @@ def pixels_of(image: Array, inside: Bools) -> Array:
 
 def from_nearest(pixels: Array, known: Bools) -> Array:
     """Give each pixel, (H, W), that is not known what the nearest known one has."""
-    from scipy.ndimage import distance_transform_edt
-
-    return pixels[tuple(distance_transform_edt(~known, return_distances=False, return_indices=True))]
+    return pixels[tuple(ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True))]
 
 
 def picture_values(image: ImageLike, space: SpaceName, mask: ArrayLike | None) -> PictureValues:
@@ -178,9 +176,8 @@ def to_levels(samples: Array) -> tuple[Array, Spacing]:
         step = 1 if np.gcd.reduce(some, axis=None) == 1 else int(np.gcd.reduce(steps, axis=None))
         if high - low <= _WHITES[-1] * step:
             dtype = np.uint8 if high - low <= 255 * step else np.uint16
-            return (steps if step == 1 else steps // step).astype(dtype, copy=False), Spacing(
-                limits[0], float(step), 1.0, *limits
-            )
+            whole = (steps if step == 1 else steps // step).astype(dtype, copy=False)
+            return whole, Spacing(limits[0], float(step), 1.0, *limits)
     span = float(high) - float(low)
     shares = (samples.astype(np.float64) - low) / span
     for white in _WHITES if samples.dtype.kind == "f" else ():

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import ndimage
 
 from cvtimg._shared.checks import check_choice, check_count, check_partial_image
 from cvtimg._shared.choices import SpaceName
@@ -111,12 +112,10 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
     """Strengthen the borders between leaves where the leaves of an image of half the size merge late, too."""
     # J. Pont-Tuset, P. Arbelaez, J. Barron, F. Marques, J. Malik, IEEE Trans. Pattern Analysis and Machine Intelligence
     # 39 (2017) 128-140, doi 10.1109/TPAMI.2016.2537320: hierarchies at several scales, aligned.
-    from scipy.ndimage import maximum_filter
-
     if not len(coarse.borders.pairs):
         return leaves
     between = altitudes_between(coarse.borders.pairs, *coarse.merged(), len(coarse.sizes))
-    near = maximum_filter(coarse.borders.on_pixels(between, coarse.labels.shape), 3)
+    near = ndimage.maximum_filter(coarse.borders.on_pixels(between, coarse.labels.shape), 3)
     borders = leaves.borders
     seen = near[tuple(borders.places.T // 2)].astype(np.float64)
     if not len(seen):

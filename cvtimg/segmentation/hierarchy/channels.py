@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy import ndimage
 
 from cvtimg._shared.threads import in_parts, of_each
-from cvtimg._shared.types import Bools, Bytes, Floats, Floats32, Ints
+from cvtimg._shared.types import Bools, Bytes, Floats32, Ints
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
@@ -37,15 +38,19 @@ def find_channels(values: PictureValues) -> Channels:
     """Sort the pixels of an image into bins of color and texture."""
     field, inside = values.field(), values.inside
     noise = noise_covariance(field, inside)
-    blur = _blur_for(noise)
-    if blur:
+    # A Gaussian of width s leaves 1 / (2 s sqrt(pi)) of white noise: this one, what does no harm.
+    blur = min(float(np.sqrt(noise[0, 0])) / SETTINGS.harmless_noise / (2 * np.sqrt(np.pi)), SETTINGS.blurs[1])
+    if blur >= SETTINGS.blurs[0]:
         field = averaged(field, blur, inside)
         noise = noise * noise_gain(blur)
     colors, ranges = _colors(field, values)
-    low, gain = _full_contrast(colors[inside], noise)
+    low, high = np.percentile(colors[inside][:, 0], SETTINGS.extremes)
+    # Contrast is stretched to 255, but no bin is narrower than the noise.
+    span = max(float(high - low), N_LEVELS * float(np.sqrt(noise[0, 0])))
+    gain = 255 / span if span > 0 else 1.0
     bins = np.empty((*inside.shape, colors.shape[2] + 1), np.uint8)
     for channel, (least, greatest) in enumerate(ranges):
-        offset = low if least == 0 else 0.0
+        offset = float(low) if least == 0 else 0.0
         share = (colors[..., channel] - np.float32(offset)) * np.float32(gain) - np.float32(least)
         share /= np.float32(greatest - least)
         bins[..., channel] = np.clip(share * N_LEVELS, 0, N_LEVELS - 1)
@@ -53,14 +58,6 @@ def find_channels(values: PictureValues) -> Channels:
             # Outside are values of the nearest pixels inside, so that filters see no edge there.
             bins[..., -1] = textons(share if inside.all() else from_nearest(share, inside), inside)
     return Channels(bins, field * np.float32(gain), inside)
-
-
-def _blur_for(noise: Floats) -> float:
-    """Return the width of the Gaussian that leaves of noise what does no harm; 0 if none is needed."""
-    deviation = float(np.sqrt(noise[0, 0]))
-    # A Gaussian of width s leaves 1 / (2 s sqrt(pi)) of white noise.
-    blur = deviation / SETTINGS.harmless_noise / (2 * np.sqrt(np.pi))
-    return 0.0 if blur < SETTINGS.blurs[0] else min(blur, SETTINGS.blurs[1])
 
 
 def _colors(field: Floats32, values: PictureValues) -> tuple[Floats32, Sequence[tuple[float, float]]]:
@@ -75,14 +72,6 @@ def _colors(field: Floats32, values: PictureValues) -> tuple[Floats32, Sequence[
     axes *= np.where(axes.sum(axis=0) < 0, -1, 1)
     components = np.einsum("hwd,dc->hwc", field, axes.astype(np.float32))
     return components, [(0, 255), (-128, 128), (-128, 128)][: axes.shape[1]]
-
-
-def _full_contrast(rows: Floats32, noise: Floats) -> tuple[float, float]:
-    """Return the least value of the first channel, and what stretches its contrast to 255."""
-    low, high = np.percentile(rows[:, 0], SETTINGS.extremes)
-    # No bin is narrower than the noise.
-    span = max(float(high - low), N_LEVELS * float(np.sqrt(noise[0, 0])))
-    return float(low), 255 / span if span > 0 else 1.0
 
 
 def textons(lightness: Floats32, inside: Bools) -> Ints:
@@ -102,15 +91,13 @@ def textons(lightness: Floats32, inside: Bools) -> Ints:
 
 def _responses(lightness: Floats32) -> Floats32:
     """(H, W, F) derivatives of the first and second order at each scale, their contrast compressed."""
-    from scipy.ndimage import gaussian_filter
-
     filters = list(product(SETTINGS.texton_scales, ((0, 1), (1, 0), (0, 2), (1, 1), (2, 0))))
     responses = np.empty((*lightness.shape, len(filters)), np.float32)
 
     def respond(number: int) -> None:
         scale, order = filters[number]
         gain = scale ** sum(order) * (2**0.5 if order == (1, 1) else 1)
-        responses[..., number] = gaussian_filter(lightness, scale, order) * np.float32(gain)
+        responses[..., number] = ndimage.gaussian_filter(lightness, scale, order) * np.float32(gain)
 
     def compress(first: int, last: int) -> None:
         rows = responses[first:last]

@@ -59,7 +59,7 @@ class Leaves:
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:
     """Divide an image into about the given number of superpixels, and measure them."""
     with part(0, 0.5):  # superpixels take half of the time
-        n_pixels = np.count_nonzero(channels.inside)
+        n_pixels = int(np.count_nonzero(channels.inside))
         cells = grid_of_cells(channels.inside, min(n_leaves, n_pixels))
         weight = max(SETTINGS.compactness, auto_weight(noise_covariance(channels.values, channels.inside), RADIUS))
         settled = descend(channels.values, cells, int(cells.max()), edge_weight=weight, connected=True).labels
@@ -160,10 +160,8 @@ def _at_edges(image: Array, labels: Ints, factor: int) -> EdgeWeighted:
         values[rows] *= np.float32(gain)
 
     in_stripes(stretch, len(image), 16.0 * image.size, _ROWS)
-    n_sweeps = SETTINGS.sweeps * factor
-    return descend(
-        values, labels, int(labels.max()), edge_weight=SETTINGS.compactness, connected=True, max_sweeps=n_sweeps
-    )
+    n_leaves, weight, n_sweeps = int(labels.max()), SETTINGS.compactness, SETTINGS.sweeps * factor
+    return descend(values, labels, n_leaves, edge_weight=weight, connected=True, max_sweeps=n_sweeps)
 
 
 def _known(leaves: Leaves, values: Floats, pairs: Indices) -> Floats:

@@ -24,6 +24,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 import cvtimg.segmentation._segments as _segments
 from cvtimg._shared.sums import sum_by_label
@@ -63,9 +64,8 @@ def _angles(borders: Borders) -> Ints:
         near = cKDTree(np.column_stack([middles, 2 * reach * ids[cracks]])).query_pairs(reach, output_type="ndarray")
         at, other = np.concatenate([near, near[:, ::-1]]).T
         down, right = (middles[other] - middles[at]).T
-        n, d, r, dd, dr, rr = sum_by_label(
-            at, np.stack([down**0, down, right, down * down, down * right, right * right], axis=1), len(middles)
-        ).T
+        powers = np.stack([down**0, down, right, down * down, down * right, right * right], axis=1)
+        n, d, r, dd, dr, rr = sum_by_label(at, powers, len(middles)).T
         # Variances by sums of whole numbers, which are exact, so that no axis hangs on rounding; the crack counts too.
         along, both, across = (n + 1) * rr - r * r, (n + 1) * dr - d * r, (n + 1) * dd - d * d
         axes = np.rint(np.arctan2(2 * both, along - across) / (2 * np.pi) * SETTINGS.n_angles) % SETTINGS.n_angles
@@ -81,6 +81,7 @@ def _half_disc_distances(channels: Channels, places: Ints, turns: Ints) -> Float
     shown = np.where(channels.inside[..., None], channels.bins, np.uint8(HIDDEN))
     padded = np.pad(shown, ((margin, margin), (margin, margin), (0, 0)), constant_values=HIDDEN)
     width, n_channels = padded.shape[1:]
+    bins = padded.reshape(-1, n_channels)
     down, right, counts = _discs()
     steps = (down * width + right).astype(np.int32)
     flat = ((places[:, 0] + margin) * width + places[:, 1] + margin).astype(np.int32)
@@ -88,9 +89,7 @@ def _half_disc_distances(channels: Channels, places: Ints, turns: Ints) -> Float
     distances = np.empty((len(flat), n_channels, len(SETTINGS.radii)), np.float32)
 
     def measure(first: int, last: int) -> None:
-        _segments.half_disc_distances(
-            padded.reshape(-1, n_channels), flat, turns, steps, counts, smoothing, first, last, distances
-        )
+        _segments.half_disc_distances(bins, flat, turns, steps, counts, smoothing, first, last, distances)
 
     in_parts(measure, len(flat), work=3000.0 * len(flat))
     return distances
@@ -197,26 +196,23 @@ def chances_of(evidence: NDArray[np.floating]) -> Floats32:
 
 def _inward(inside: Bools, places: Ints, accuracy: float) -> Floats:
     """(P,) distance of pixels from the margin; gaps in it that are smaller than people draw have none."""
-    from scipy.ndimage import distance_transform_edt, label
-
     if not inside.all():
-        gaps, _ = label(~inside)
+        gaps, _ = ndimage.label(~inside)
         inside = inside | (np.bincount(gaps.ravel()) < np.pi * accuracy**2)[gaps]
     if inside.all():
         return np.asarray(np.minimum(places, np.array(inside.shape) - 1 - places).min(axis=1) + 0.5)
-    distances: Floats = distance_transform_edt(np.pad(inside, 1))
+    distances: Floats = ndimage.distance_transform_edt(np.pad(inside, 1))
     return distances[tuple(places.T + 1)] - 0.5
 
 
 def _around(places: NDArray[np.integer], strengths: Floats, borders: Borders, shape: tuple[int, ...]) -> Floats:
     """(P,) mean strength of the borders around each crack."""
-    from scipy.ndimage import gaussian_filter
-
     width = SETTINGS.surround * np.sqrt(shape[0] * shape[1])
     side = max(1, int(width / 6))  # of cells in which strengths are added up first, in pixels
     cells = places // side
     grid = cells.max(axis=0) + 1
     flat, size = np.ravel_multi_index(tuple(cells.T), grid), int(np.prod(grid))
     sums = [np.bincount(flat, np.repeat(strengths, borders.lengths), size), np.bincount(flat, np.ones(len(flat)), size)]
-    total, length = (gaussian_filter(each.reshape(grid), width / side, mode="constant").ravel()[flat] for each in sums)
+    sums = [ndimage.gaussian_filter(each.reshape(grid), width / side, mode="constant") for each in sums]
+    total, length = (each.ravel()[flat] for each in sums)
     return total / length

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from cvtimg._shared.checks import (
     check_at_least,
@@ -24,7 +25,7 @@ from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indi
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import EdgeTable
-from cvtimg.labels.components import Borders, find_borders
+from cvtimg.labels.components import find_borders
 from cvtimg.labels.contours import find_contours, simplify, strings_of
 from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation.hierarchy.strengths import chances_of
@@ -96,10 +97,8 @@ class RegionHierarchy(ReadOnly):
 
     def _claims(self) -> Claims:
         yield "altitudes never fall", np.diff(self.altitudes) >= 0
-        yield (
-            "a region has the pixels of its two",
-            equals(self.sizes[self.n_leaves :], self.sizes[self.merges].sum(axis=1)),
-        )
+        of_two = self.sizes[self.merges].sum(axis=1)
+        yield "a region has the pixels of its two", equals(self.sizes[self.n_leaves :], of_two)
 
     def __repr__(self) -> str:
         height, width = self.leaves.shape
@@ -183,7 +182,8 @@ class RegionHierarchy(ReadOnly):
         [29]
         """
         borders = find_borders(self.leaves)
-        return borders.on_pixels(self._between(borders), self.leaves.shape)
+        strengths = altitudes_between(borders.pairs, self.merges, self.altitudes, self.n_leaves)
+        return borders.on_pixels(strengths, self.leaves.shape)
 
     def find_edges(self, threshold: float | None = None, *, strength: bool = False) -> Array:
         """Find edges in an image: the borders of the cut at a threshold, thinned to lines one pixel wide.
@@ -222,7 +222,6 @@ class RegionHierarchy(ReadOnly):
         >>> np.flatnonzero(hierarchy.find_edges()[20]).tolist(), hierarchy.find_edges(strength=True)[20, 29] > 0.5
         ([29], np.True_)
         """
-        from scipy.ndimage import maximum_filter
         from skimage.morphology import thin
 
         strengths = self.contour_map()
@@ -231,7 +230,7 @@ class RegionHierarchy(ReadOnly):
             return np.asarray(lines)
         # Of two pixels beside each other, thinning may have kept the weaker one: it takes what the other has.
         evidence = find_borders(self.leaves).on_pixels(self.evidence, lines.shape)
-        evidence = np.maximum(evidence, maximum_filter(np.where(lines, 0, evidence), 3))
+        evidence = np.maximum(evidence, ndimage.maximum_filter(np.where(lines, 0, evidence), 3))
         return np.where(lines, chances_of(evidence), np.float32(0))
 
     def find_lines(
@@ -308,9 +307,6 @@ class RegionHierarchy(ReadOnly):
         apart = bisect_left(sizes, True, key=lambda n: len(np.unique(self._cut(n)[1][leaves])) > 1)
         parts = self._cut(sizes[apart])[1]
         return parts == parts[leaves].max()
-
-    def _between(self, borders: Borders) -> Floats:
-        return altitudes_between(borders.pairs, self.merges, self.altitudes, self.n_leaves)
 
     def _threshold(self, threshold: float | None) -> float:
         return self.default_threshold if threshold is None else check_non_negative("threshold", threshold)
