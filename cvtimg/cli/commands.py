@@ -127,15 +127,12 @@ app = typer.Typer(
     cls=_Commands, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False, context_settings=_NAMES
 )
 _Shell = Literal["bash", "zsh", "fish"]
+_INSTALL = typer.Option("--install-completion", callback=install_callback, is_eager=True)
+_SHOW = typer.Option("--show-completion", callback=show_callback, is_eager=True)
 
 
 @app.callback()
-def _cvtimg(
-    install: Annotated[
-        _Shell | None, typer.Option("--install-completion", callback=install_callback, is_eager=True)
-    ] = None,
-    show: Annotated[_Shell | None, typer.Option("--show-completion", callback=show_callback, is_eager=True)] = None,
-) -> None:
+def _cvtimg(install: Annotated[_Shell | None, _INSTALL] = None, show: Annotated[_Shell | None, _SHOW] = None) -> None:
     """See `overview`."""
 
 

@@ -100,11 +100,15 @@ def restored_versions(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 def _restored_all(versions: Sequence[VersionFiles], given: Given) -> tuple[list[Denoised], list[str]]:
     """Restore each page; also return what is to be said of them."""
     results, notes = [], []
+    # Unless something asks for segments, the picture decides.
+    must_be_flat = given.channels or given.labels or given.number != "auto" or given.edge_weight != "auto"
+    flat = True if must_be_flat else False if given.detail else None
+    how = given.arguments | {"align": given.motion if given.align else False, "flat": flat}
     for read in versions:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             try:
-                results.append(_restored(read, given))
+                results.append(restore_versions(read.images, read.names, masks=read.masks, alpha=read.alpha, **how))
             except ValueError as error:
                 raise ValueError(_with_names(str(error), read)) from error
         notes += [given.worded(_with_names(str(warning.message), read)) for warning in caught]
@@ -192,15 +196,6 @@ def _check_room(task: Task, n_pages: int) -> None:
         if path.suffix.lower() not in (FRAME_WRITERS if option == "-o" and is_animated(task.source) else PAGE_SUFFIXES):
             way = f"name an output that can hold them, {option} FILE.tif"
             raise ValueError(f"{pages}: {way}; or --merge T or Z, if they are versions of one")
-
-
-def _restored(read: VersionFiles, given: Given) -> Denoised:
-    # Unless something asks for segments, the picture decides.
-    must_be_flat = given.channels or given.labels or given.number != "auto" or given.edge_weight != "auto"
-    flat = True if must_be_flat else False if given.detail else None
-    align = given.motion if given.align else False
-    about: dict[str, Any] = {"masks": read.masks, "alpha": read.alpha, "align": align, "flat": flat}
-    return restore_versions(read.images, read.names, **about, **given.arguments)
 
 
 def _with_names(message: str, read: VersionFiles) -> str:

@@ -119,10 +119,14 @@ def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume:
             write_contours(path, [subject.drawing for subject in subjects], overwrite=given.overwrite)
         elif kind == "table":
             write_table(path, _table_of(subjects), image=_text(task.source.name), overwrite=given.overwrite)
-        elif divided.pages is None:
-            _write_image(kind, subjects[0], path, given.overwrite)
-        else:
+        elif divided.pages is not None:
             _write_pages(kind, subjects, path, divided.pages, given.overwrite)
+        elif kind == "labels":
+            scale = read_scale(task.source, nodata=0)
+            write_labels(path, subjects[0].labels, metadata=scale, overwrite=given.overwrite)
+        else:
+            stored, _ = as_stored(_drawn(kind, subjects[0], path), path.suffix)
+            write_image(path, stored, alpha=False, metadata=read_scale(task.source), overwrite=given.overwrite)
     return _table_of(subjects) if given.table else None
 
 
@@ -138,14 +142,6 @@ def _channels(source: Path, given: Given) -> tuple[Sequence[Array], Sequence[str
     if given.measure != ("all",):
         chosen = [place_of(it, n_bands, names, "channel") for it in given.measure]
     return [image[..., chosen] for image in images], [names[band] for band in chosen]
-
-
-def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> None:
-    if kind == "labels":
-        write_labels(path, subject.labels, metadata=read_scale(subject.source, nodata=0), overwrite=overwrite)
-        return
-    stored, _ = as_stored(_drawn(kind, subject, path), path.suffix)
-    write_image(path, stored, alpha=False, metadata=read_scale(subject.source), overwrite=overwrite)
 
 
 def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Pages, overwrite: bool) -> None:
@@ -237,10 +233,10 @@ class JointTable(Report):
         tables = [{"image": np.full(_n_rows(self._tables[name]), name), **self._tables[name]} for name in order]
         if tables:
             columns = dict.fromkeys(column for table in tables for column in table)
-            whole = {
-                column: np.concatenate([table.get(column, np.full(_n_rows(table), np.nan)) for table in tables])
-                for column in columns
-            }
+            whole: dict[str, Array] = {}
+            for column in columns:
+                parts = [table.get(column, np.full(_n_rows(table), np.nan)) for table in tables]
+                whole[column] = np.concatenate(parts)
             write_table(self._path, whole, overwrite=self._replaces)
 
 

@@ -17,8 +17,7 @@ def surface(given: Given) -> Todo:
     """Place N points on surfaces, evenly, and join them by triangles that are nearly equilateral.
 
     Points are generators of a centroidal Voronoi tessellation on the surface. The triangles have its shape: holes and
-    handles stay, and so do sharp edges, corners and borders. Holes of scans are counted with
-    the borders.
+    handles stay, and so do sharp edges, corners and borders. Holes of scans are counted with the borders.
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-points.vtu beside it.
     """

@@ -31,21 +31,14 @@ class SearchEffort:
     evolution: Evolution | None = None  # where the rows of a table are few
 
 
+#: Evolutions of tables of few rows, by effort.
+_BALANCED = Evolution(12, 8, 8, 8, 1, 2.0**31.5, 1 / 2, 1 << 20)
+_BEST = Evolution(20, 16, 32, 20, 1024, 2.0**30, 1, 1 << 24)
 #: The registry of efforts: the values of `effort` and ``--effort``; `tessellate` documents what each costs.
 EFFORTS: dict[str, SearchEffort] = {
     "fast": SearchEffort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": SearchEffort(
-        1,
-        (1 / 6, 1 / 16),
-        Stopping(tolerance=1e-4, max_iterations=300),
-        Evolution(12, 8, 8, 8, 1, 2.0**31.5, 1 / 2, 1 << 20),
-    ),
-    "best": SearchEffort(
-        12,
-        (1 / 4, 0),
-        Stopping(tolerance=1e-6, max_iterations=1000),
-        Evolution(20, 16, 32, 20, 1024, 2.0**30, 1, 1 << 24),
-    ),
+    "balanced": SearchEffort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), _BALANCED),
+    "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), _BEST),
 }
 
 #: Rows for each that is searched, from which a pass over all takes longer than the best search.

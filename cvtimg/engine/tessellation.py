@@ -101,10 +101,8 @@ class Tessellation(ReadOnly):
         """Tell size, energy and convergence in one line."""
         n_generators, n_dims = self.generators.shape
         ended = "converged" if self.converged else "not converged"
-        return (
-            f"Tessellation({len(self.labels)} samples, {n_generators} generators, D={n_dims}, "
-            f"energy={self.energy:.6g}, {ended} after {self.n_iter} steps)"
-        )
+        size = f"{len(self.labels)} samples, {n_generators} generators, D={n_dims}"
+        return f"Tessellation({size}, energy={self.energy:.6g}, {ended} after {self.n_iter} steps)"
 
 
 def tessellate(

@@ -3,8 +3,7 @@
 Any page in the browser can send requests to 127.0.0.1, any name can be made to point there, and other users of the
 machine can connect to it. So a request needs the session that the entrance gives for a token, the server's own name as
 its host, and, where the browser says where it comes from, the server's own pages as its origin. The session is no
-cookie, since browsers send cookies to all ports of a machine. Only the files of the page, which are no secret, go to
-all.
+cookie, since browsers send cookies to all ports of a machine. Only files of the page, which are no secret, go to all.
 """
 
 import secrets
@@ -69,10 +68,8 @@ class Guard:
         self._app, self._own = app, credentials
         self._free = {ENTRANCE, *free}  # paths that need no session
         sockets = " ".join(f"ws://{host}" for host in credentials.hosts)
-        policy = (
-            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
-            f"connect-src 'self' {sockets}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-        )
+        content = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:"
+        policy = f"{content}; connect-src 'self' {sockets}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
         self._headers = {
             "content-security-policy": policy,
             "x-content-type-options": "nosniff",

@@ -40,24 +40,20 @@ def settings_of(text: str) -> Json:
     repeated = {option.flag for option in options_of(verb) if option.many and option.words}
     options = sorted(_options(verb, words), key=lambda option: (option[1] != "", option[0] in repeated))
     answers, refusals = list[Json](), list[controls.UnfitRequestError]()
+    is_numbered = any(flag == "-k" for flag, _ in options)
     for tab in tabs:
+        settings: Json = {}
         try:
-            answers.append(_settings_in(tab, earlier, options))
+            for flag, text in earlier:
+                settings |= tab.pasted(flag, text)
+            left = [flag for flag, text in options if not _taken(tab, flag, text, settings, is_numbered)]
+            controls.parse_settings(tab.controls, settings)
+            answers.append({"tab": tab.name, "settings": settings, "left": left})
         except controls.UnfitRequestError as error:
             refusals.append(error)
     if not answers:
         raise refusals[0]
     return min(answers, key=lambda answer: len(answer["left"]))
-
-
-def _settings_in(tab: Tab, earlier: list[tuple[str, str]], options: list[tuple[str, str]]) -> Json:
-    settings: Json = {}
-    for flag, text in earlier:
-        settings |= tab.pasted(flag, text)
-    is_numbered = any(flag == "-k" for flag, _ in options)
-    left = [flag for flag, text in options if not _taken(tab, flag, text, settings, is_numbered)]
-    controls.parse_settings(tab.controls, settings)
-    return {"tab": tab.name, "settings": settings, "left": left}
 
 
 def _options(verb: str, words: list[str]) -> Iterator[tuple[str, str]]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
+from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg.batch.runner import Ending
 from cvtimg.explore.guard import Credentials
@@ -60,17 +61,9 @@ def serve(
     logging.getLogger("uvicorn.error").addFilter(lambda record: "graceful shutdown" not in record.getMessage())
 
     async def run() -> None:
-        config = uvicorn.Config(
-            server.app,
-            log_level="error",
-            ws="websockets-sansio",
-            ws_per_message_deflate=False,
-            ws_max_size=1 << 20,
-            lifespan="off",
-            server_header=False,
-            timeout_graceful_shutdown=1,
-        )
-        running = uvicorn.Server(config)
+        sockets: Json = {"ws": "websockets-sansio", "ws_per_message_deflate": False, "ws_max_size": 1 << 20}
+        quiet: Json = {"log_level": "error", "lifespan": "off", "server_header": False}
+        running = uvicorn.Server(uvicorn.Config(server.app, **sockets, **quiet, timeout_graceful_shutdown=1))
         watch = asyncio.create_task(end_when_idle(running))
         say(credentials.entrance())
         with _door(credentials) if browser else nullcontext():

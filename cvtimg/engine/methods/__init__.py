@@ -42,11 +42,8 @@ def choose_method(
     # account of initial generators, so where these are given it is no default.
     if method is None:
         exact = n_dims == 1 and not (volume_power or n_locked or has_start)
-        return next(
-            known
-            for known in METHODS.values()
-            if known.exact_in_one_dimension == exact and known.takes_power >= bool(volume_power)
-        )
+        fitting = [known for known in METHODS.values() if known.takes_power >= bool(volume_power)]
+        return next(known for known in fitting if known.exact_in_one_dimension == exact)
     if isinstance(method, str):
         chosen = METHODS[check_choice("method", method, METHODS)]
     else:
