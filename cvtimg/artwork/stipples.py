@@ -16,6 +16,7 @@ from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Bytes, Floats, Floats32, Indices, Ints
+from cvtimg.artwork.tilings import ranges
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.whole import StrPath, write_csv, write_text
@@ -112,11 +113,7 @@ def draw_dots(points: Floats, radii: Floats, shape: tuple[int, int], scale: floa
 def _covered(centers: Floats, radii: Floats, height: int, width: int) -> Floats32:
     """Add up the chords of disks along lines, each without what an earlier one of its line covers."""
     x, y = centers.T
-    ends = np.ceil(np.stack([y - radii, y + radii]) * _FINE - 0.5)
-    first, stop = np.clip(ends, 0, height * _FINE).astype(np.int64)
-    n_lines = stop - first  # of each disk; they follow each other
-    disk = np.repeat(np.arange(len(x)), n_lines)
-    line = np.arange(len(disk)) + np.repeat(first - np.cumsum(n_lines) + n_lines, n_lines)
+    disk, line = ranges(*np.clip(np.stack([y - radii, y + radii]) * _FINE, 0, height * _FINE))
     half = np.sqrt(np.maximum(radii[disk] ** 2 - ((line + 0.5) / _FINE - y[disk]) ** 2, 0))
     chords = np.clip([x[disk] - half, x[disk] + half], 0, width) + (width + 1) * line  # line after line
     chords = chords[:, np.argsort(chords[0])]
@@ -241,11 +238,10 @@ class Stipples(ReadOnly):
         same place.
         """
         cells: list[Floats] = [np.empty((0, 2))] * len(self)
-        for pen in range(len(self.colors)):
+        for pen in np.unique(self.layers):
             dots_of_pen = np.flatnonzero(self.layers == pen)
-            if len(dots_of_pen):
-                for dot, cell in zip(dots_of_pen, picture_cells(self.points[dots_of_pen], self.size), strict=True):
-                    cells[dot] = cell
+            for dot, cell in zip(dots_of_pen, picture_cells(self.points[dots_of_pen], self.size), strict=True):
+                cells[dot] = cell
         return tuple(cells)
 
     def coverage(self, layer: int, scale: float = 1.0) -> Floats32:
@@ -336,9 +332,8 @@ class Stipples(ReadOnly):
         if suffix == ".svg":
             _write_svg(path, sheet, self._marked_layers(sheet, marks, fill, pen), overwrite)
         elif suffix == ".csv":
-            table = np.column_stack([self.points, self.radii, self.masses])[self.order].T
-            columns = (*table, self.layers[self.order])
-            rows = zip(*(column.tolist() for column in columns), strict=True)
+            columns = (*self.points.T, self.radii, self.masses, self.layers)
+            rows = zip(*(column[self.order].tolist() for column in columns), strict=True)
             write_csv(path, ("x", "y", "radius", "mass", "layer"), rows, overwrite=overwrite)
         else:
             drawn = self.draw(scale=scale)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from cvtimg._shared.checks import (
     check_that,
 )
 from cvtimg._shared.types import Floats32, ImageLike
-from cvtimg.artwork.dot_layers import DOTS, DotLayer, Dots, place_pens
+from cvtimg.artwork.dot_layers import DOTS, Dots, place_pens
 from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, pen_coverages, process_coverages
 from cvtimg.artwork.tours import find_tour
@@ -142,10 +141,18 @@ def stipple(
     # All pens have dots of about one size.
     ends = np.cumsum([0, *(ink.sum(dtype=np.float64) for ink in inks)])
     counts = np.diff(np.rint(ends / (ends[-1] or 1) * count.of(np.stack(inks))).astype(np.intp))
-    placed = place_pens(inks, counts.tolist(), count.scaled(Dots(dots, radius_range, bleed)))
-    return _together(
-        placed,
-        count.factor,
+    factor = count.factor
+    sizes = None if radius_range is None else (factor * radius_range[0], factor * radius_range[1])
+    placed = place_pens(inks, counts.tolist(), Dots(dots, sizes, bleed))
+    starts = np.cumsum([0, *counts])
+    tours = [find_tour(layer.points) + start for layer, start in zip(placed, starts, strict=False) if len(layer.points)]
+    return Stipples(
+        points=np.concatenate([layer.points for layer in placed]) / factor,
+        radii=np.concatenate([layer.radii for layer in placed]) / factor,
+        masses=np.concatenate([layer.masses for layer in placed]) / factor**2,
+        layers=np.repeat(np.arange(len(placed), dtype=np.int32), counts),
+        order=np.concatenate(tours) if tours else np.empty(0, np.intp),
+        energy=sum(layer.energy for layer in placed) / factor**4,
         names=tuple(inked),
         colors=np.array(list(inked.values()), np.uint8),
         paper=paper,
@@ -203,27 +210,4 @@ class _Count:
         return max(1, round(float(area.sum(dtype=np.float64)) / (np.pi / 4 * (self.factor * self.diameter) ** 2)))
 
     def enlarged(self, coverage: Floats32) -> Floats32:
-        """Enlarge the coverage (H, W) of each pixel."""
         return coverage if self.factor == 1 else enlarge(coverage, self.factor) * np.float32(self.factor**2)
-
-    def scaled(self, how: Dots) -> Dots:
-        """Return what dots are to be, in pixels of the enlarged image."""
-        if how.radius_range is None:
-            return how
-        return replace(how, radius_range=(self.factor * how.radius_range[0], self.factor * how.radius_range[1]))
-
-
-def _together(layers: list[DotLayer], factor: int, **about: Any) -> Stipples:
-    """Put layers, found on an image enlarged by a factor, into one value, and find a tour through each."""
-    counts = [len(layer.points) for layer in layers]
-    starts = np.cumsum([0, *counts])
-    tours = [find_tour(layer.points) + start for layer, start in zip(layers, starts, strict=False) if len(layer.points)]
-    return Stipples(
-        points=np.concatenate([layer.points for layer in layers]) / factor,
-        radii=np.concatenate([layer.radii for layer in layers]) / factor,
-        masses=np.concatenate([layer.masses for layer in layers]) / factor**2,
-        layers=np.repeat(np.arange(len(layers), dtype=np.int32), counts),
-        order=np.concatenate(tours) if tours else np.empty(0, np.intp),
-        energy=sum(layer.energy for layer in layers) / factor**4,
-        **about,
-    )

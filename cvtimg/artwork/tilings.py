@@ -102,9 +102,13 @@ def relocate(image: Floats32, points: Floats, painted: Painted) -> tuple[Floats,
 
 def removal_costs(painted: Painted) -> Floats:
     """(K,) estimate of how much the error grows if a cell is shared among its neighbors by the lengths of borders."""
-    add = partial(_artwork.add_borders, painted.labels, painted.colors)
-    squares, lengths = by_rows(add, painted.labels.shape, (len(painted.areas), 2)).T
-    return painted.areas * squares / np.maximum(lengths, 1)
+    labels, colors = painted.labels, painted.colors
+    pairs = [(labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])]  # of pixels side by side, and below each other
+    borders = [np.stack([some[some != others], others[some != others]]) for some, others in pairs]
+    first, other = both = np.concatenate(borders, axis=1)
+    squares = np.tile(np.square(colors[first] - colors[other]).sum(axis=1), 2)
+    sums, lengths = (np.bincount(both.ravel(), weights, len(colors)) for weights in (squares, None))
+    return painted.areas * sums / np.maximum(lengths, 1)
 
 
 def division_gains(image: Floats32, painted: Painted) -> tuple[Floats, Floats, Floats]:
@@ -220,9 +224,8 @@ class DelaunayTiling:
 
     def __init__(self, shape: tuple[int, int], points: Floats) -> None:
         self._shape = shape
-        size = np.array(shape[::-1], np.float64)
-        self._low, self._high = points == 0, points == size
-        self._size = size
+        self._size = np.array(shape[::-1], np.float64)
+        self._low, self._high = points == 0, points == self._size
         self.triangles: Ints = np.empty((0, 3), np.int32)
 
     @property
@@ -268,7 +271,7 @@ def find_triangles(points: Floats, shape: tuple[int, ...], scale: float | Floats
     x, y = np.moveaxis((points * scale)[corners], 2, 0)
 
     def fill(rows: slice) -> None:
-        triangle, row = _ranges(*(np.clip(end(y, axis=1), rows.start, rows.stop) for end in (np.min, np.max)))
+        triangle, row = ranges(*(np.clip(end(y, axis=1), rows.start, rows.stop) for end in (np.min, np.max)))
         ends = np.full((2, len(row)), [[np.inf], [-np.inf]])
         for edge in ((0, 1), (0, 2), (1, 2)):
             (x1, y1), (x2, y2) = ((x[triangle, corner], y[triangle, corner]) for corner in edge)
@@ -276,14 +279,14 @@ def find_triangles(points: Floats, shape: tuple[int, ...], scale: float | Floats
             at = x1 + (row + 0.5 - y1) / np.where(crosses, y2 - y1, 1) * (x2 - x1)
             ends[0] = np.minimum(ends[0], at, where=crosses, out=ends[0])
             ends[1] = np.maximum(ends[1], at, where=crosses, out=ends[1])
-        span, column = _ranges(*np.clip(ends, 0, shape[1]))
+        span, column = ranges(*np.clip(ends, 0, shape[1]))
         labels[row[span], column] = triangle[span]
 
     in_stripes(fill, shape[0], 64.0 * labels.size)
     return labels, mesh
 
 
-def _ranges(low: Floats, high: Floats) -> tuple[Indices, Indices]:
+def ranges(low: Floats, high: Floats) -> tuple[Indices, Indices]:
     """List the pixels whose middles lie between the ends of intervals: the interval and the pixel of each."""
     first, stop = (np.ceil(end - 0.5).astype(np.intp) for end in (low, high))
     counts = np.maximum(stop - first, 0)

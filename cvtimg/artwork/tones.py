@@ -27,18 +27,12 @@ TABLE_SIZE = 4096
 _GRID, _LEAST_INK = 33, 1e-4
 #: Ways to come from an image to the tones of a drawing.
 TONES = ("light", "true")
+#: What makes a drawing of a photograph easy on the eye: the share of the pixels that are darker than what becomes
+#: paper; the range of lightness with less than which tones are left as they are; and the most ink on average, and the
+#: greatest power that thins it down to that.
+_PAPER, _LEAST_RANGE, _MOST_INK, _STEEPEST = 0.98, 0.05, 0.38, 2.0
 #: Pens of process colors.
 PROCESS_COLORS = ("cyan", "magenta", "yellow", "black")
-
-
-@dataclass(frozen=True, slots=True)
-class LightDrawing:
-    """What makes a drawing of a photograph easy on the eye."""
-
-    white: float = 0.98  # share of the pixels that are darker than what becomes paper
-    least_range: float = 0.05  # of lightness: with less, tones are left as they are
-    most_ink: float = 0.38  # mean
-    steepest: float = 2.0  # power that thins the ink
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,14 +128,14 @@ def light_tones(
     paper, it is raised to a power, which lightens shades in between and leaves white and black as they are. Inverted,
     light is the ink; of colors, only white is paper.
     """
-    counts, how = slice(None) if opacity is None else opacity > 0.5, LightDrawing()
+    counts = slice(None) if opacity is None else opacity > 0.5
     # CIE lightness, of which the linear part near black would change next to nothing.
     lightness = np.cbrt(luminance)
     seen = lightness[counts]
     if not seen.size:
         return luminance
-    dark, light = seen.min(), 1.0 if colors else float(np.quantile(seen, how.white))
-    if light - dark < how.least_range:
+    dark, light = seen.min(), 1.0 if colors else float(np.quantile(seen, _PAPER))
+    if light - dark < _LEAST_RANGE:
         return luminance
     ink = np.clip((lightness - dark) / (light - dark), 0, 1, dtype=np.float32)
     if not invert:
@@ -151,10 +145,10 @@ def light_tones(
     shares, edges = np.histogram(ink[counts], TABLE_SIZE, (0, 1))
 
     def excess(power: float) -> float:
-        return float(np.average(edges[1:] ** power, weights=shares)) - how.most_ink
+        return float(np.average(edges[1:] ** power, weights=shares)) - _MOST_INK
 
     if excess(1) > 0:
-        ink **= np.float32(how.steepest if excess(how.steepest) > 0 else brentq(excess, 1, how.steepest))
+        ink **= np.float32(_STEEPEST if excess(_STEEPEST) > 0 else brentq(excess, 1, _STEEPEST))
     return ink if invert else np.subtract(1, ink, out=ink)
 
 
@@ -188,15 +182,6 @@ def as_coverage(ink: Floats32, opacity: Floats32 | None, white_cutoff: float) ->
     return ink
 
 
-def _lattice_coverage(disk_area: Floats) -> Floats:
-    """Compute what disks of this summed area, per area of a hexagonal lattice, cover."""
-    radius = np.sqrt(disk_area * np.sqrt(3) / (2 * np.pi))  # in distances of the lattice
-    wide = np.maximum(radius, 0.5)
-    lens = 2 * wide**2 * np.arccos(0.5 / wide) - 0.5 * np.sqrt(4 * wide**2 - 1)
-    covered: Floats = disk_area - lens * (3 * 2 / np.sqrt(3))  # three lenses a disk
-    return np.minimum(covered, 1)
-
-
 def disk_area(coverage: Floats32) -> Floats32:
     """Compute the summed area of disks, per area, that covers this share of the paper where they overlap.
 
@@ -204,7 +189,9 @@ def disk_area(coverage: Floats32) -> Floats32:
     of 0.907; at 1 their areas add up to 1.209.
     """
     areas, table = coverage.copy(), np.linspace(0, COVERING, TABLE_SIZE)
-    covered = _lattice_coverage(table)
+    radius = np.maximum(np.sqrt(table * np.sqrt(3) / (2 * np.pi)), 0.5)  # in distances of the lattice, if they overlap
+    lens = 2 * radius**2 * np.arccos(0.5 / radius) - 0.5 * np.sqrt(4 * radius**2 - 1)
+    covered = np.minimum(table - lens * (3 * 2 / np.sqrt(3)), 1)  # three lenses a disk
     overlaps = coverage > covered[covered == table][-1]
     areas[overlaps] = np.interp(coverage[overlaps], covered, table)
     return areas

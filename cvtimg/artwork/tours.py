@@ -1,5 +1,6 @@
 """Short tours through points, so that a pen plotter travels little between its marks."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,9 @@ def find_tour(points: ArrayLike) -> Indices:
     while n_moves or len(grown):
         # Where two steps cross, an end of one is nearer to an end of the other than to its own: without a gain among
         # the points that are nearer than steps are long, no steps cross.
-        grown = np.flatnonzero((_longest_steps(places[tour])[where] > reaches) & (sizes < n_points - 1))
+        steps = np.hypot(*np.diff(places[tour], axis=0).T)
+        longest = np.maximum(np.append(steps, 0), np.append(0, steps))  # of those to and from each point of the path
+        grown = np.flatnonzero((longest[where] > reaches) & (sizes < n_points - 1))
         sizes[grown] = np.minimum(2 * sizes[grown], n_points - 1)
         for n_near in np.unique(sizes[grown]).tolist():
             some = grown[sizes[grown] == n_near]
@@ -69,16 +72,7 @@ def find_tour(points: ArrayLike) -> Indices:
 
 def _shorten(*path: Any) -> int:
     """Shorten a tour in place until nothing is gained; return in how many moves."""
-    n_moves = 0
-    while more := improve(*path):
-        n_moves += more
-    return n_moves
-
-
-def _longest_steps(path: Floats) -> Floats:
-    """Return the longer of the steps (N,) to and from each point of a path (N, 2)."""
-    steps = np.hypot(*np.diff(path, axis=0).T)
-    return np.maximum(np.append(steps, 0), np.append(0, steps))
+    return sum(iter(partial(improve, *path), 0))
 
 
 def _greedy_path(points: Floats) -> tuple[Ints, Floats, Ints]:

@@ -81,19 +81,14 @@ def _cells(points: Floats, periodic: bool, width: float) -> CellSums:
 
 def _images(points: Floats, periodic: bool, width: float) -> list[Floats]:
     """Return copies beyond the walls, or mirror images in each wall, of the points at most so far from them."""
-    n_dims = points.shape[1]
-    images = []
+    n_dims, images = points.shape[1], []
     if periodic:
-        for step in itertools.product((-1, 0, 1), repeat=n_dims):
-            if any(step):
-                copies = points + np.array(step)
-                images.append(copies[((copies > -width) & (copies < 1 + width)).all(axis=1)])
-        return images
-    for dim in range(n_dims):
-        for wall in (0.0, 1.0):
-            mirrored = points[np.abs(points[:, dim] - wall) < width].copy()
-            mirrored[:, dim] = 2 * wall - mirrored[:, dim]
-            images.append(mirrored)
+        copies = [points + np.array(step) for step in itertools.product((-1, 0, 1), repeat=n_dims) if any(step)]
+        return [image[((image > -width) & (image < 1 + width)).all(axis=1)] for image in copies]
+    for dim, wall in itertools.product(range(n_dims), (0.0, 1.0)):
+        mirrored = points[np.abs(points[:, dim] - wall) < width].copy()
+        mirrored[:, dim] = 2 * wall - mirrored[:, dim]
+        images.append(mirrored)
     return images
 
 
@@ -105,14 +100,10 @@ def sobol_samples(n_samples: int, n_dims: int, rng: int | np.random.Generator) -
     return Sobol(n_dims, rng=generator).random_base2((n_samples - 1).bit_length()).astype(np.float32)
 
 
-def unit_box(n_dims: int, periodic: bool) -> Box:
-    """Return the unit cube, or the unit torus."""
-    return Box([0] * n_dims, [1] * n_dims, periodic)
-
-
 def nearest_distances(points: Floats, periodic: bool) -> Floats:
     """(n,) distance from each of (n, d) points, n >= 2, to the nearest other one, in the unit cube or on the torus."""
-    return np.asarray(unit_box(points.shape[1], periodic).nearest(points, points, 2)[0][:, 1])
+    box = Box([0] * points.shape[1], [1] * points.shape[1], periodic)
+    return np.asarray(box.nearest(points, points, 2)[0][:, 1])
 
 
 class Cube(SampleMoments):
@@ -134,7 +125,7 @@ class Cube(SampleMoments):
         self, samples: Floats32, weights: Floats | None = None, periodic: bool = False, exact: bool = False
     ) -> None:
         loads = np.full(len(samples), 1 / len(samples)) if weights is None else weights / weights.sum()
-        region = unit_box(samples.shape[1], periodic)
+        region = Box([0] * samples.shape[1], [1] * samples.shape[1], periodic)
         super().__init__(WeightedSamples(samples, loads, in_order=False), 2, region)
         self.samples, self.weights, self.periodic, self.exact = samples, weights, periodic, exact
 

@@ -47,9 +47,8 @@ def place(cube: Cube, n_points: int, existing: Floats, effort: EffortName, rng: 
     starts = [_tessellated(cube, n_points, existing, effort, "split", rng)]
     if not cube.exact and not cube.periodic:
         return starts
-    starts += [
-        _tessellated(cube, n_points, existing, "balanced", "random", rng) for _ in range(EFFORTS[effort].n_starts - 1)
-    ]
+    others = range(EFFORTS[effort].n_starts - 1)
+    starts += [_tessellated(cube, n_points, existing, "balanced", "random", rng) for _ in others]
     free = np.arange(n_points + len(existing)) >= len(existing)
     descend, stopping = (l_bfgs, EFFORTS[effort].exact) if cube.exact else (over_relaxed, EFFORTS[effort].sampled)
     # On a wall, mirror images would lie on the points.
@@ -65,10 +64,8 @@ def place_latin(
 ) -> Floats:
     """Make the points of each start Latin; of those whose energy is about the least, return the most even."""
     work, latin = EFFORTS[effort].swaps, partial(_latin, existing=existing)
-    ends = [
-        even_out(_alternate(cube, points, existing, effort, latin), existing, cube.periodic, work, rng)
-        for points in starts
-    ]
+    settled = [_alternate(cube, points, existing, effort, latin) for points in starts]
+    ends = [even_out(points, existing, cube.periodic, work, rng) for points in settled]
     if len(ends) == 1 or len(ends[0]) + len(existing) == 1:
         return ends[0]
     energies = [cube(np.concatenate([existing, points])).energy for points in ends]

@@ -18,6 +18,7 @@ doi 10.1016/0021-9991(90)90201-B): swaps that lose at most a threshold are taken
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,23 +57,21 @@ def latinize(points: ArrayLike) -> Floats:
 
 
 class Slices:
-    """Slices of each axis (d, n), by the edges between them (d, n - 1) and their middles (d, n)."""
+    """Slices of each axis (d, n), by their middles and, in turns, the edges between them, (d, 2 n - 1) in all."""
 
-    def __init__(self, edges: Floats, middles: Floats) -> None:
-        self._edges, self._middles = edges, middles
+    def __init__(self, levels: Floats) -> None:
+        self._edges, self._middles = levels[:, 1::2], levels[:, ::2]
 
     @classmethod
     def even(cls, n_dims: int, n_slices: int) -> Slices:
         """Make slices of equal width."""
-        levels = np.tile(np.arange(1, 2 * n_slices) / (2 * n_slices), (n_dims, 1))
-        return cls(levels[:, 1::2], levels[:, ::2])
+        return cls(np.tile(np.arange(1, 2 * n_slices) / (2 * n_slices), (n_dims, 1)))
 
     @classmethod
     def of_region(cls, samples: Floats32, n_slices: int) -> Slices:
         """Make slices that have equal shares of the samples of a region."""
-        # At the quantiles k / 2 n are, in turns, edges and middles.
-        levels = np.quantile(samples, np.arange(1, 2 * n_slices) / (2 * n_slices), axis=0).T.astype(float)
-        return cls(levels[:, 1::2], levels[:, ::2])
+        # They are at the quantiles k / 2 n.
+        return cls(np.quantile(samples, np.arange(1, 2 * n_slices) / (2 * n_slices), axis=0).T.astype(float))
 
     def free(self, axis: int, points: Floats) -> Floats:
         """Return the middles of the slices of an axis in which none of (n, d) points is."""
@@ -177,11 +176,9 @@ class _Swaps:
 
         None is taken that brings two points nearer than `least`.
         """
-        changes = np.empty(len(tries))
-        tries = tries.astype(np.int32)
-        points = (self._places, self._n_all, self._order)
+        changes, points = np.empty(len(tries)), (self._places, self._n_all, self._order)
         how = (self._criterion, self._scale, least**2, self._periodic)
-        _designs.swap_coordinates(*points, tries, threshold, changes, *how)
+        _designs.swap_coordinates(*points, tries.astype(np.int32), threshold, changes, *how)
         return changes
 
     @property
@@ -193,7 +190,4 @@ def _free_places(points: Floats, existing: Floats) -> Floats:
     """Return the centers (S, d) of slices that have no point; axes with fewer than S end in NaN."""
     every = np.concatenate([points, existing])
     free = [Slices.even(1, len(every)).free(0, axis[:, None]) for axis in every.T]
-    table = np.full((max(map(len, free)), len(free)), np.nan)
-    for axis, places in enumerate(free):
-        table[: len(places), axis] = places
-    return table
+    return np.array([*zip_longest(*free, fillvalue=np.nan)]).reshape(-1, len(free))

@@ -233,11 +233,9 @@ def design(
     energy = cube(np.concatenate([old, unit])).energy
     unit = _with_categories(factors, held, unit, random)
     ends = np.array([(factor.low, factor.high) for factor in factors])
-    points, runs = (
-        np.stack([factor.at(column) for factor, column in zip(factors, places.T, strict=True)], axis=1)
-        for places in (unit, held)
-    )
-    return Design(points, unit, ends, runs, energy, latin, periodic, tuple(factors))
+    columns = np.concatenate([unit, held]).T
+    points = np.stack([factor.at(column) for factor, column in zip(factors, columns, strict=True)], axis=1)
+    return Design(points[:n_points], unit, ends, points[n_points:], energy, latin, periodic, tuple(factors))
 
 
 def _of_categories(
@@ -291,7 +289,6 @@ def _units(factors: Sequence[Factor], points: Array) -> Floats:
 
 
 def _check_together(region: Region, latin: bool | None, periodic: bool, criterion: str, n_all: int) -> None:
-    """Refuse what excludes each other."""
     limits = " or ".join(region.given)
     check_that(limits, not (periodic and limits), "not be given with periodic=True")
     check_that(limits, not latin or region.may_be_latin, "not be given with latin=True")

@@ -129,14 +129,13 @@ def _pyramid(versions: Versions, version: int) -> list[_Level]:
 def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[Floats, str]:
     """(3, 3) transform from pixels of one image to those of another, and its model."""
     most = MODELS["euclidean" if model == "auto" else model]
+    steps = [n_generators for n_generators in MODELS.values() if n_generators <= most]
     transform = _whole_shift(fixed[-1], moving[-1])
     doubled = np.diag([2.0, 2.0, 1.0])
     for number in range(len(fixed) - 1, -1, -1):
         pair = _Pair.of(fixed[number], moving[number])
-        coarsest = number == len(fixed) - 1
-        for n_generators in MODELS.values():
-            if n_generators == most or (coarsest and n_generators < most):
-                transform, _, _ = pair.improved(transform, n_generators)
+        for n_generators in steps if number == len(fixed) - 1 else steps[-1:]:
+            transform, _, _ = pair.improved(transform, n_generators)
         if number:
             transform = doubled @ transform @ np.linalg.inv(doubled)
     return _simplest(pair, transform) if model == "auto" else (transform, model)

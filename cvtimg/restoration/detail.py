@@ -109,12 +109,9 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
         is_late = number >= min(_OWN, len(passes) - 1)
         values, weights = _fused(kept, evidence, variance, estimate, own=is_late)
         precision = np.minimum(weights / np.float32(variance), most if number < 0 else np.inf)
-        noisy = Noisy(
-            with_border(axes.along(values)),
-            with_border(axes.along(estimate)),
-            with_border(precision[:, :, None])[:, :, 0],
-            evidence.noise.shared and evidence.noise.shared.along(axes.matrix),
-        )
+        seen, smooth = (with_border(axes.along(bands)) for bands in (values, estimate))
+        shared = evidence.noise.shared and evidence.noise.shared.along(axes.matrix)
+        noisy = Noisy(seen, smooth, with_border(precision[:, :, None])[:, :, 0], shared)
         image = _pass(noisy, axes, kinds, largest, from_estimate=number not in {0, -len(filling)})
         even = np.maximum(versions.noisiness(estimate), np.float32(1))  # lights may seem noisy
         estimate = matmul(_within_noise(image, noisy, even), np.linalg.inv(axes.matrix).astype(np.float32))

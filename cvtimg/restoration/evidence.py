@@ -13,7 +13,6 @@ by far, or on the mean of a small window by a little. Nothing is left out where 
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -290,7 +289,7 @@ def exposures(placed: Versions) -> Floats:
             if not any(line is None for line in lines):
                 tones[number + 1] = lines
 
-    deque(side_by_side(fit, range(len(others))), maxlen=0)
+    list(side_by_side(fit, range(len(others))))
     return tones
 
 

@@ -297,11 +297,9 @@ def restore_versions(
     'Restoration'
     """
     about: dict[str, Any] = {"masks": masks, "nodata": nodata, "alpha": alpha}
-    parameters = [signature(verb).parameters for verb in (restore, denoise)]  # what neither has, each refuses
-    for_segments, for_detail = (
-        {name: value for name, value in options.items() if name in taken or name not in other}
-        for taken, other in (parameters, parameters[::-1])
-    )
+    segments, detail = (signature(verb).parameters for verb in (restore, denoise))  # what neither has, each refuses
+    for_segments = {name: value for name, value in options.items() if name in segments or name not in detail}
+    for_detail = {name: value for name, value in options.items() if name in detail or name not in segments}
     if for_segments.get("effort") == "auto":
         del for_segments["effort"]
     some = 1 if align else None  # others may be out of place

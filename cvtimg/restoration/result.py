@@ -251,13 +251,8 @@ def merge_versions(
     ends = (settled(start.reshape(versions.known.shape[:2]), version_of >= 0) for start in starts)
     end = min(ends, key=lambda end: end.energies[-1])
     bands = [version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
-    levels = Levels(
-        versions,
-        end.labels,
-        generators=np.stack([end.generators[:, some] for some in bands]),
-        masses=np.stack([end.masses[:, some] for some in bands]),
-        alone=lambda version: settled(end.labels, bands[version]),
-    )
+    generators, masses = (np.stack([values[:, some] for some in bands]) for values in (end.generators, end.masses))
+    levels = Levels(versions, end.labels, generators, masses, lambda version: settled(end.labels, bands[version]))
     colors = RENORMALIZATIONS[renormalize](levels)
     white = peak(evidence.placed.dtypes[0]) if space != "rgb" else 1.0
     told = from_space(colors, space, np.dtype(np.float64)) * white
