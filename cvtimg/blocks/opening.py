@@ -162,7 +162,6 @@ def _row_groups(place: str) -> list[Any]:
 
 
 def _type_of(place: str, schema: Any, name: str) -> np.dtype[Any]:
-    """Return the type of a column, which must be of numbers."""
     from pyarrow import types
 
     check_choice(f"{place}: column", name, schema.names)

@@ -143,7 +143,11 @@ def find_contours(labels: ArrayLike, image: ImageLike | None = None, *, toleranc
     pixels = tuple(np.stack([side[cracks.starts] for side in (cracks.right, cracks.left)], axis=1).T)
     sides, beside = rimmed[pixels].T, regions[pixels].T
     if image is None:
-        lines = _along_sides(cracks)
+        turns = np.append(True, (cracks.steps[1:] != cracks.steps[:-1]).any(axis=1))
+        turns[cracks.starts] = False
+        places = cracks.corners[:, ::-1].astype(np.float64)
+        last = places[cracks.lasts] + cracks.steps[cracks.lasts, ::-1]
+        lines = _drawn(cracks, places, turns, places[cracks.starts], last)
     else:
         lines = _between_centers(cracks, rimmed, check_labeled_image("image", image, segments))
     if tolerance:
@@ -233,14 +237,6 @@ def _walk(rimmed: Ints) -> _Cracks:
     return _Cracks(corners, steps, right, left, starts, np.append(starts[1:], len(path)) - 1, at_junction)
 
 
-def _along_sides(cracks: _Cracks) -> list[Points]:
-    """Draw the lines along the sides of pixels, with points where they turn."""
-    turns = np.append(True, (cracks.steps[1:] != cracks.steps[:-1]).any(axis=1))
-    turns[cracks.starts] = False
-    places = cracks.corners[:, ::-1].astype(np.float64)
-    return _drawn(cracks, places, turns, places[cracks.starts], places[cracks.lasts] + cracks.steps[cracks.lasts, ::-1])
-
-
 def _between_centers(cracks: _Cracks, rimmed: Ints, picture: Array) -> list[Points]:
     """Draw the lines where those from pixel to pixel cross them; junctions lie in the middle of what is around them."""
     means = region_means(rimmed[1:-1, 1:-1], picture)
@@ -252,17 +248,14 @@ def _between_centers(cracks: _Cracks, rimmed: Ints, picture: Array) -> list[Poin
     at_right, at_left = (((pixel - middle) * across).sum(axis=1) for pixel in pixels)
     crosses = (at_right < 0) & (at_left > 0)
     part = np.full(len(labels), 0.5)
-    part[is_inner] = np.where(
-        crosses, np.clip(-at_right / np.where(crosses, at_left - at_right, 1), CLEARANCE, 1 - CLEARANCE), 0.5
-    )
+    shares = -at_right / np.where(crosses, at_left - at_right, 1)
+    part[is_inner] = np.where(crosses, np.clip(shares, CLEARANCE, 1 - CLEARANCE), 0.5)
     crossings = (cracks.right - 0.5 + (cracks.left - cracks.right) * part[:, None])[:, ::-1]
     # Of a line that ends at junctions, all crossings lie between, but along the rim of the image, which is straight.
     within = (labels != OUTSIDE).all(axis=1)
     outer = np.concatenate([cracks.starts, cracks.lasts])
-    corners = (
-        cracks.corners[outer]
-        + np.where(np.arange(len(outer)) < len(cracks.starts), 0, 1)[:, None] * cracks.steps[outer]
-    )
+    is_last = np.arange(len(outer)) >= len(cracks.starts)
+    corners = cracks.corners[outer] + is_last[:, None] * cracks.steps[outer]
     _, first, corner = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     at, n_crossings = corners[first, ::-1].astype(np.float64), np.bincount(corner, within[outer])
     sums = np.stack([np.bincount(corner, within[outer] * axis) for axis in crossings[outer].T], axis=1)
@@ -284,9 +277,8 @@ def _drawn(cracks: _Cracks, places: Points, inner: Bools, first: Points, last: P
 
 def strings_of(lines: Sequence[Points]) -> Array:
     """Return lines as those of shapely."""
-    strings: Array = shapely.linestrings(
-        np.concatenate(lines), indices=np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    )
+    of_line = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+    strings: Array = shapely.linestrings(np.concatenate(lines), indices=of_line)
     return strings
 
 

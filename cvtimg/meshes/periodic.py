@@ -157,7 +157,6 @@ def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: Ints, near: f
 
 
 def _aligned(points: Points, pairs: Ints) -> Points:
-    """Move copies to where they belong."""
     points, steps = points.copy(), points[pairs[:, 0]] - points[pairs[:, 1]]
     for axis in (0, 1):
         along = np.abs(steps[:, axis]) > np.abs(steps[:, 1 - axis])

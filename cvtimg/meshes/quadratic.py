@@ -183,9 +183,8 @@ def _with_areas(
 def _jacobians(nodes: Points, triangles: Ints) -> Points:
     """Bernstein coefficients (T, 6) of the determinants of Jacobians: at corners, and between each two of them."""
     corners, middles = nodes[triangles[:, :3]], nodes[triangles[:, 3:]]
-    (a, b, c), (ab, bc, ca) = (
-        each.transpose(1, 0, 2) for each in (corners, 2 * middles - (corners + np.roll(corners, -1, axis=1)) / 2)
-    )
+    bends = 2 * middles - (corners + np.roll(corners, -1, axis=1)) / 2
+    (a, b, c), (ab, bc, ca) = corners.transpose(1, 0, 2), bends.transpose(1, 0, 2)
     # Derivatives at the corners on the way from a to b, and from a to c, which are linear in between.
     u, v = 2 * np.stack([ab - a, b - ab, bc - ca]), 2 * np.stack([ca - a, bc - ab, c - ca])
     both = u[:, None, :, 0] * v[None, :, :, 1] - u[:, None, :, 1] * v[None, :, :, 0]

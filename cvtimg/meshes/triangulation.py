@@ -187,13 +187,12 @@ class PlaneTriangulation(HalfEdges):
         used = np.zeros(len(self.points), bool)
         used[self.triangles[kept]] = True
         number = np.cumsum(used, dtype=np.int32) - 1
-        tags = self.tags[kept]
+        self.tags = self.tags[kept]
         self.points, self.fixed = np.ascontiguousarray(self.points[used]), self.fixed[used]
         self.corners = self.corners[used]
         self.triangles = number[self.triangles[kept]]
         self.twins = find_twins(self.triangles, len(self.points))
         self._mark(number[edges[used[edges].all(axis=1)]])
-        self.tags = tags
 
 
 def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:

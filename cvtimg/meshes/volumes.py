@@ -231,7 +231,13 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     >>> [round(halves[label].volume / int(ball.sum()), 2) for label in (1, 2)]
     [0.5, 0.5]
     """
-    voxels = _checked(labels)
+    voxels: Array = np.asarray(labels)
+    check_shape("labels", voxels.shape, voxels.ndim == 3, "(D, H, W)")
+    if voxels.dtype.kind not in "bui":
+        refuse_type("labels", voxels.dtype, "bool or of integers")
+    check_that("labels", bool((voxels != 0).any()), "not be empty: all are 0")
+    most = np.iinfo(np.int32).max
+    check_that("labels", bool(voxels.min() >= 0 and voxels.max() <= most), f"be in 0..{most}")
     check_that("what is given of n and edge_length", (n is None) != (edge_length is None), "be one of them")
     volume = np.count_nonzero(voxels)
     if edge_length is not None:
@@ -251,17 +257,6 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     for tag, error in zip(levels.tags[1:].tolist(), np.abs(filled / levels.wanted - 1).tolist(), strict=True):
         check_that(name, error < NEAR, f"let tetrahedra be smaller: they lose the shape of label {tag}")
     return VolumeMesh(points, filling.cells.astype(np.int32), levels.tags[filling.labels].astype(np.int32), n)
-
-
-def _checked(labels: ArrayLike) -> Array:
-    voxels = np.asarray(labels)
-    check_shape("labels", voxels.shape, voxels.ndim == 3, "(D, H, W)")
-    if voxels.dtype.kind not in "bui":
-        refuse_type("labels", voxels.dtype, "bool or of integers")
-    check_that("labels", bool((voxels != 0).any()), "not be empty: all are 0")
-    most = np.iinfo(np.int32).max
-    check_that("labels", bool(voxels.min() >= 0 and voxels.max() <= most), f"be in 0..{most}")
-    return voxels
 
 
 def _spacing_for(levels: VoxelLevels, spacing: float, n: int) -> float:

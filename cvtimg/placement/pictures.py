@@ -108,7 +108,13 @@ def place_by_levels(
             first = start(coarse, -(-n_free // 4), coarser[:-1])
         with part(1 / 4, 1):
             end = descend(coarse, first, coarser[-1], project.into_frame)
-        split = split_generators(end.generators[len(fixed) :], n_free)
+        from scipy.spatial import cKDTree
+
+        # Each is split into four that stand around it; the last ones may be too many.
+        first = end.generators[len(fixed) :]
+        gaps = cKDTree(first).query(first, 2)[0][:, 1]
+        offsets = np.array([[-2, -1], [1, -2], [2, 1], [-1, 2]]) / 6  # as parts of the distance to the nearest neighbor
+        split = (first[:, None] + gaps[:, None, None] * offsets).reshape(-1, 2)[:n_free]
         return project.into_frame(split, split)
 
     project = WhereMassIs(moments)
@@ -178,13 +184,3 @@ def draw_along_curve(density: Floats32, n_generators: int, rng: np.random.Genera
     weights = np.cumsum(np.sqrt(density[pixels[:, 1], pixels[:, 0]], dtype=np.float64))
     chosen = np.searchsorted(weights, (np.arange(n_generators) + 0.5) / n_generators * weights[-1])
     return pixels[chosen] + rng.random((n_generators, 2))
-
-
-def split_generators(generators: Points, n_generators: int) -> Points:
-    """Split each of (K, 2) generators into four that stand around it; leave out the last ones over `n_generators`."""
-    from scipy.spatial import cKDTree
-
-    gaps = cKDTree(generators).query(generators, 2)[0][:, 1]
-    offsets = np.array([[-2, -1], [1, -2], [2, 1], [-1, 2]]) / 6  # as parts of the distance to the nearest neighbor
-    children = generators[:, None] + gaps[:, None, None] * offsets
-    return children.reshape(-1, 2)[:n_generators]

@@ -194,7 +194,6 @@ def _still(region: Region, n_generators: int, fixed: ArrayLike | None, on_bounda
 
 
 def _on_pixels(region: PictureRegion, density: Density) -> Floats32:
-    """Density of each pixel of a mask."""
     shape = region.mask.shape
     if isinstance(density, PictureDensity):
         values: Array = density.picture

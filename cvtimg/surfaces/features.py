@@ -51,7 +51,12 @@ def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Floats, n_fac
     first = edge == np.arange(len(edge))
     broad = _is_broad(mesh, first & (creased | is_other), creased & first, sizes, angle, n_faces)
     creased &= broad[edge]
-    return is_other | (creased & _is_long(mesh, creased, sizes))
+    # Connected creases are long beside the distances of points.
+    a, b = mesh.edges[creased].T
+    _, group = connected_parts((a, b), len(mesh.points))
+    parts = mesh.edge_lengths()[creased] / (sizes[a] + sizes[b])  # half of it, on both sides
+    lengths = sum_by_label(group[a], parts, int(group.max()) + 1)
+    return np.asarray(is_other | (creased & (lengths > _SEEN.shortest)[group[mesh.edges[:, 0]]]))
 
 
 def extra_points(mesh: SurfaceTriangulation, sizes: Floats) -> float:
@@ -184,15 +189,6 @@ def _is_flat(mesh: SurfaceTriangulation, faces: Indices, sizes: Floats, angle: f
             least[block] = np.minimum(least[block], np.einsum("ij,ij->i", *halves))
         least[block][away > 0.1 * all_of_it] = -1  # where the surface folds back
     return np.asarray((least > np.cos(np.radians(angle)))[which.ravel()])
-
-
-def _is_long(mesh: SurfaceTriangulation, creased: Bools, sizes: Floats) -> Bools:
-    """Tell which half-edges (3 T,) belong to connected creases that are long beside the distances of points."""
-    a, b = mesh.edges[creased].T
-    _, group = connected_parts((a, b), len(mesh.points))
-    parts = mesh.edge_lengths()[creased] / (sizes[a] + sizes[b])  # half of it, on both sides
-    lengths = sum_by_label(group[a], parts, int(group.max()) + 1)
-    return np.asarray((lengths > _SEEN.shortest)[group[mesh.edges[:, 0]]])
 
 
 def place_on_curves(mesh: SurfaceTriangulation, features: Bools, sizes: Floats, angle: float) -> tuple[Indices, Points]:

@@ -144,11 +144,10 @@ _MPAS_FLAGS = {"land": "cullCell", "coast": "coastCell"}
 def _masks(grid: GridContent) -> dict[str, Variable]:
     """Return flags of cells, and of edges and vertices where there is a boundary."""
     around = grid.around
-    masks = {
-        _MPAS_FLAGS[name]: Variable(("nCells",), flags) for name, flags in grid.flags.items() if name in _MPAS_FLAGS
-    }
+    flags = grid.flags
+    masks = {mask: Variable(("nCells",), flags[name]) for name, mask in _MPAS_FLAGS.items() if name in flags}
     tables = {"Edge": ("nEdges", around.cells_on_edge), "Vertex": ("nVertices", around.cells_on_vertex)}
-    layers = grid.flags.get("boundary_layer")
+    layers = flags.get("boundary_layer")
     if layers is not None:  # an edge or a vertex is in the innermost layer of its cells
         masks["bdyMaskCell"] = Variable(("nCells",), layers)
         for place, (along, cells) in tables.items():
