@@ -63,11 +63,10 @@ def count_picture(
 def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
     """Add two densities, if they can have one type and number of channels: integers, with exact sums in any order."""
     pair = [first, second]
-    dtypes, channels = {str(samples.colors.dtype) for samples in pair}, {samples.colors.shape[1] for samples in pair}
-    if dtypes == {"uint8", "uint16"}:
+    if {str(samples.colors.dtype) for samples in pair} == {"uint8", "uint16"}:
         pair = [replace(samples, rows=to_depth(samples.colors, np.dtype(np.uint16))) for samples in pair]
     n_colors = [samples.colors.shape[1] - samples.alpha for samples in pair]
-    if len(channels) > 1 and set(n_colors) <= {1, 3}:
+    if first.colors.shape[1] != second.colors.shape[1] and set(n_colors) <= {1, 3}:
         pair = [widen_samples(samples, max(n_colors), first.alpha or second.alpha) for samples in pair]
     return merge_samples(pair).without_pixels()
 

@@ -46,35 +46,30 @@ def to_places(colors: Array, space: SpaceName, alpha: bool) -> Array:
     if not alpha:
         places = to_space(colors, space)
         return places if places.dtype in SAMPLE_DTYPES else places.astype(np.float64)  # what kernels read
-    middle, size = _middle(colors.shape[1] - 1, space, colors.dtype)
+    center, size = middle(colors.shape[1] - 1, space, colors.dtype)
     share = colors[:, -1:] / peak(colors.dtype)
     seen = to_space(np.ascontiguousarray(colors[:, :-1]), space)
-    return np.concatenate([(seen - middle) * share, share * size], axis=1)
+    return np.concatenate([(seen - center) * share, share * size], axis=1)
 
 
 def from_places(places: Floats, space: SpaceName, dtype: np.dtype[np.generic], alpha: bool) -> Array:
     """Return the (N, C) colors of a type at places: the inverse of `to_places`. Transparent ones are all zeros."""
     if not alpha:
         return from_space(places, space, dtype)
-    middle, size = _middle(places.shape[1] - 1, space, dtype)
+    center, size = middle(places.shape[1] - 1, space, dtype)
     white = peak(dtype)
     share = np.clip(places[:, -1:] / size, 0, 1) * white
     if dtype.kind in "iu":
         share = np.rint(share)
     # With the rounded alpha here, the color makes up for the rounding.
-    seen = np.divide(places[:, :-1] * white, share, out=np.zeros_like(places[:, :-1]), where=share > 0) + middle
+    seen = np.divide(places[:, :-1] * white, share, out=np.zeros_like(places[:, :-1]), where=share > 0) + center
     colors = np.concatenate([from_space(seen, space, dtype), share.astype(dtype)], axis=1)
     colors[share[:, 0] == 0] = 0
     return colors
 
 
-def opaque_end(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -> float:
-    """Return the last coordinate of opaque colors of this many channels, alpha included."""
-    return _middle(n_channels - 1, space, dtype)[1]
-
-
-def _middle(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -> tuple[Floats, float]:
-    """Return the middle between black and white, and how far both are from it."""
+def middle(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -> tuple[Floats, float]:
+    """Return the middle between black and white, and how far both are from it: the last coordinate of opaque colors."""
     ends = np.array([[0], [white_of(dtype)]], dtype).repeat(n_channels, axis=1)
     black, white = to_space(ends, space).astype(np.float64)
     return (black + white) / 2, float(np.linalg.norm(white - black) / 2)

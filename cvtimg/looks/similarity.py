@@ -78,9 +78,8 @@ class VisualQuality:
         if np.asarray(image).shape[:2] != self._shape:
             raise ValueError(f"image of {image.shape[:2]} pixels must have the size of the original, {self._shape}")
         totals = np.zeros(2)
-        for level, (original, n_busy, linear) in enumerate(
-            zip(self._scales, self._counts, _pyramid(image, self._ground), strict=True)
-        ):
+        levels = zip(self._scales, self._counts, _pyramid(image, self._ground), strict=True)
+        for level, (original, n_busy, linear) in enumerate(levels):
             sums = _sums_of_errors(original, _planes(linear))
             for of_what, count in enumerate((linear[0].size, n_busy)):
                 errors = sums / count

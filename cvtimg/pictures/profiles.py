@@ -35,15 +35,8 @@ def convert_deep(values: Array, icc: bytes) -> Array:
     if profile_space(icc) != "RGB" or not _of_profile(icc, _changes_rgb, False):
         return values
     imagecodecs = optional("imagecodecs", "codecs", "has a color profile at 16 bits, which needs")
-    colors = imagecodecs.cms_transform(
-        np.ascontiguousarray(values[..., :3]),
-        icc,
-        _srgb_profile(),
-        colorspace="rgb",
-        outcolorspace="rgb",
-        intent=int(_INTENT),
-        flags=int(_FLAGS),
-    )
+    colors, how = np.ascontiguousarray(values[..., :3]), {"intent": int(_INTENT), "flags": int(_FLAGS)}
+    colors = imagecodecs.cms_transform(colors, icc, _srgb_profile(), colorspace="rgb", outcolorspace="rgb", **how)
     return np.concatenate([colors, values[..., 3:]], axis=-1)
 
 

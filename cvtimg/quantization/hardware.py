@@ -19,7 +19,7 @@ from cvtimg.colors.spaces import to_space
 from cvtimg.quantization.remapping import nearest_of_kind
 
 _Bits = tuple[int, int, int]
-_REST = Stopping(tolerance=1e-4, max_iterations=100)
+REST = Stopping(tolerance=1e-4, max_iterations=100)
 
 
 def check_color_bits(color_bits: int | Sequence[int]) -> _Bits:
@@ -115,7 +115,7 @@ def hardware_colors(
         colors, labels, error = after
         return float(error.sum())
 
-    iterate(float(error.sum()), step, _REST)
+    iterate(float(error.sum()), step, REST)
     return colors
 
 

@@ -277,11 +277,8 @@ class PictureSource(Source):
         """Return the image in all its colors, where a file may hold these in few bytes, as it holds gradients."""
         own = self._samples.colors
         fits = self._smallest and own.dtype == np.uint8 and own.shape[1] in (1, 3, 4) and len(own) <= MAX_COLORS
-        if (
-            not fits
-            or self._samples.inside is not None
-            or roughness(self.images[0].reshape(*self._shape[:2], -1)) > _SMOOTH
-        ):
+        fits = fits and self._samples.inside is None
+        if not fits or roughness(self.images[0].reshape(*self._shape[:2], -1)) > _SMOOTH:
             return None
         return self.mapped([Palette(own, None)], replace(how, dither=None))
 

@@ -17,13 +17,13 @@ from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import pairwise_sum
 from cvtimg._shared.types import Array, Bytes, Floats, Indices
 from cvtimg.colors.counting import add_samples, coarser, count_picture
-from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
+from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, middle, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.methods import Method
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
-from cvtimg.quantization.hardware import check_color_bits, hardware_colors, rounded, suited
+from cvtimg.quantization.hardware import REST, check_color_bits, hardware_colors, rounded, suited
 from cvtimg.quantization.remapping import map_samples, nearest_of_kind, tones_of
 
 #: Colors shown in a notebook.
@@ -35,7 +35,6 @@ _CUBE, _POWER, _LIGHTNESS, _COLORLESS = 0.05, 0.3, 0.6, 0.15
 _LACKING = 0.12
 #: Places of which colors of a palette are chosen; the error of 4096 is that of all within a few percent.
 _MOST_PLACES = 4096
-_REST = Stopping(tolerance=1e-4, max_iterations=100)
 #: Moves to the means of cells would undo the effect of their weights.
 _AT_ONCE = Stopping(tolerance=1e-4, max_iterations=0)
 
@@ -149,13 +148,27 @@ def find_palette(
     if not isinstance(samples, ColorSamples):
         samples = color_samples(samples)
     if color_bits is not None:
-        return _hardware_palette(samples, n_colors, space, locked, check_color_bits(color_bits), engine)
+        bits = check_color_bits(color_bits)
+        samples, fixed, least = fixed_colors(suited(samples, bits), locked)
+        n_colors = check_room(n_colors, least)
+        nearest = _in_order(np.concatenate([fixed, rounded(samples.colors, bits, space)]), samples.alpha)
+        if len(nearest) <= n_colors:
+            return Palette(nearest, None, samples.alpha)
+        palette = find_palette(samples, n_colors, space=space, locked=locked, **engine)
+        colors = hardware_colors(samples, palette.colors, fixed, n_colors, space, bits)
+        return Palette(_in_order(colors, samples.alpha), palette.tessellation, samples.alpha)
     samples, fixed, least = fixed_colors(samples, locked)
     n_colors = check_room(n_colors, least)
     kinds = kinds_of(samples.colors, samples.alpha)
     samples = _visible(samples, kinds)
     if samples.alpha and samples.n_colors and (kinds[kinds != CLEAR] == OPAQUE).all():
-        return _opaque_palette(samples, n_colors, space, fixed, engine)
+        # Alpha plays no part: transparent colors are locked, and all others are opaque.
+        opaque = kinds_of(fixed, True) == OPAQUE
+        seen = replace(samples, rows=np.ascontiguousarray(samples.colors[:, :-1]), alpha=False)
+        given = fixed[opaque, :-1] if opaque.any() else None
+        palette = find_palette(seen, n_colors - int(np.count_nonzero(~opaque)), space=space, locked=given, **engine)
+        colors = np.concatenate([fixed[~opaque], with_alpha(palette.colors)])
+        return Palette(_in_order(colors, True), palette.tessellation, True)
     if samples.n_colors <= n_colors:
         all_colors = _in_order(np.concatenate([fixed, samples.colors]), samples.alpha)
         if len(all_colors) <= n_colors:
@@ -169,8 +182,8 @@ def find_palette(
     tessellation = tessellate(replace(samples, rows=places, density=density), n_colors, locked=in_place, **engine)
     generators = tessellation.generators
     if alpha:
-        end = opaque_end(fixed.shape[1], space, fixed.dtype)
-        rest = _AT_ONCE if engine.get("volume_power") else _REST
+        end = middle(fixed.shape[1] - 1, space, fixed.dtype)[1]
+        rest = _AT_ONCE if engine.get("volume_power") else REST
         ends = kinds_of(colors, True), kinds_of(fixed, True)
         generators = _keep_opaque(places, density, ends, tessellation, end, rest)
     colors = from_places(generators, space, fixed.dtype, alpha)
@@ -427,38 +440,6 @@ def _visible(samples: ColorSamples, kinds: Bytes) -> ColorSamples:
         samples = replace(samples, density=density)
     chosen = (density > 0) & (kinds != CLEAR)
     return samples if chosen.all() else samples.some(chosen)
-
-
-def _opaque_palette(
-    samples: ColorSamples, n_colors: int, space: SpaceName, fixed: Array, engine: EngineOptions
-) -> Palette:
-    """Find a palette where alpha plays no part: transparent colors are locked, and all others are opaque."""
-    opaque = kinds_of(fixed, True) == OPAQUE
-    seen = replace(samples, rows=np.ascontiguousarray(samples.colors[:, :-1]), alpha=False)
-    n_left = n_colors - int(np.count_nonzero(~opaque))
-    locked = fixed[opaque, :-1] if opaque.any() else None
-    palette = find_palette(seen, n_left, space=space, locked=locked, **engine)
-    colors = np.concatenate([fixed[~opaque], with_alpha(palette.colors)])
-    return Palette(_in_order(colors, True), palette.tessellation, True)
-
-
-def _hardware_palette(
-    samples: ColorSamples,
-    n_colors: int,
-    space: SpaceName,
-    locked: ArrayLike | None,
-    bits: tuple[int, int, int],
-    engine: EngineOptions,
-) -> Palette:
-    """Find a palette of hardware colors: all of those nearest to the samples, or a palette rounded to some of them."""
-    samples, fixed, least = fixed_colors(suited(samples, bits), locked)
-    n_colors = check_room(n_colors, least)
-    nearest = _in_order(np.concatenate([fixed, rounded(samples.colors, bits, space)]), samples.alpha)
-    if len(nearest) <= n_colors:
-        return Palette(nearest, None, samples.alpha)
-    palette = find_palette(samples, n_colors, space=space, locked=locked, **engine)
-    colors = hardware_colors(samples, palette.colors, fixed, n_colors, space, bits)
-    return Palette(_in_order(colors, samples.alpha), palette.tessellation, samples.alpha)
 
 
 def _keep_opaque(

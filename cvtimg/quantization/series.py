@@ -129,9 +129,7 @@ class QuantizedSeries(Fidelity):
 
     def summary(self) -> Row:
         """Return the figures that commands and reports show."""
-        first, elbows = self.results[0], {}
-        if self.kind != "tiles":
-            elbows = {"elbow": self.curve.elbows() if self.curve else None}
+        first = self.results[0]
         return {
             "width": first.shape[1],
             "height": first.shape[0],
@@ -141,7 +139,7 @@ class QuantizedSeries(Fidelity):
             "distinct_colors": self.n_distinct,
             **({"exact": first.exact} if self.kind == "tiles" else {}),
             "k": self.n_colors,
-            **elbows,
+            **({} if self.kind == "tiles" else {"elbow": self.curve.elbows() if self.curve else None}),
             "energy": self.energy,
             "mse": self.mse,
             "psnr": self.psnr if math.isfinite(self.psnr) else None,  # JSON has no infinity

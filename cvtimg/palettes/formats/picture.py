@@ -45,8 +45,7 @@ def _distinct(image: Array, most: int = 1 << 16) -> Bytes:
     samples = color_samples(to_depth(image, np.dtype(np.uint8)))
     if samples.n_colors > most:
         raise UnfitContentError(f"has {samples.n_colors} colors, over the limit of {most}; quantize it first")
-    first = np.empty(samples.n_colors, np.intp)
-    first[samples.inverse.ravel()[::-1]] = np.arange(samples.inverse.size)[::-1]  # set the first occurrence last
+    first = np.unique(samples.inverse, return_index=True)[1]
     ordered = samples.colors[np.argsort(first)]
     return np.repeat(ordered, 3, axis=1) if ordered.shape[1] == 1 else ordered
 

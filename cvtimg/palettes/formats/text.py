@@ -47,10 +47,8 @@ def read_gpl(content: bytes) -> Bytes:
 
 def write_gpl(swatches: Swatches) -> bytes:
     """Write a GIMP palette, with alpha in the names of the colors."""
-    rows = (
-        f"{red:3} {green:3} {blue:3}\t{code}"
-        for (red, green, blue), code in zip(swatches.colors[:, :3].tolist(), swatches.hexes(), strict=True)
-    )
+    pairs = zip(swatches.colors[:, :3].tolist(), swatches.hexes(), strict=True)
+    rows = (f"{red:3} {green:3} {blue:3}\t{code}" for (red, green, blue), code in pairs)
     return _lines("GIMP Palette", f"Name: {swatches.name}", "Columns: 16", "#", *rows)
 
 

@@ -82,9 +82,9 @@ class ImageInfo:
     mode: str
     bands: tuple[str, ...]
     bits: int
-    frames: int
-    has_alpha: bool
-    icc: str | None
+    frames: int = 1
+    has_alpha: bool = False
+    icc: str | None = None
     geo_transform: tuple[float, float, float, float, float, float] | None = None
     epsg: int | None = None
     nodata: float | None = None
@@ -224,7 +224,4 @@ def _of_array(size: tuple[int, ...], n_bands: int, dtype: np.dtype[np.generic]) 
         mode=dtype.name,
         bands=tuple(f"B{band}" for band in range(1, n_bands + 1)),
         bits=1 if dtype.kind == "b" else 8 * dtype.itemsize,
-        frames=1,
-        has_alpha=False,
-        icc=None,
     )

@@ -223,23 +223,16 @@ def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Arrangement:
         return Arrangement("Q", (n_pages,))
     lengths = dict(zip(series[0].axes, series[0].shape, strict=True))
     shape = tuple(lengths[axis] for axis in axes)
+    names: tuple[str, ...] = ()
     if tiff.is_ome:
         elements = [*_ome_elements(tiff.ome_metadata or "", "Channel")]
         is_named = any(element.get("Name") for element in elements)
         names = tuple(str(element.get("Name") or element.get("ID", "")) for element in elements) if is_named else ()
-    else:
-        names = _imagej_channels(tiff, axes, shape)
+    elif "C" in axes and len(labels := (tiff.imagej_metadata or {}).get("Labels", ())) == math.prod(shape):
+        firsts = np.moveaxis(np.arange(len(labels)).reshape(shape), axes.index("C"), -1)
+        names = tuple(str(labels[number]) for number in firsts.reshape(-1, firsts.shape[-1])[0].tolist())
     n_channels = lengths.get("C", 1) * lengths.get("S", 1)
     return Arrangement(axes or "Q", shape or (n_pages,), names if len(set(names)) == n_channels else ())
-
-
-def _imagej_channels(tiff: tifffile.TiffFile, axes: str, shape: tuple[int, ...]) -> tuple[str, ...]:
-    """Return the labels of the first page of each channel."""
-    labels = (tiff.imagej_metadata or {}).get("Labels", ())
-    if "C" not in axes or len(labels) != math.prod(shape):
-        return ()
-    firsts = np.moveaxis(np.arange(len(labels)).reshape(shape), axes.index("C"), -1)
-    return tuple(str(labels[number]) for number in firsts.reshape(-1, firsts.shape[-1])[0].tolist())
 
 
 def _ome_elements(description: str, name: str) -> Iterator[Element]:
