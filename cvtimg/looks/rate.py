@@ -12,7 +12,6 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 import cvtimg.looks._looks as _looks
-from cvtimg._shared.sums import copy_rows
 from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bytes, Floats, Floats32
 from cvtimg.looks.similarity import blurred
@@ -148,9 +147,7 @@ def map_by_rate(
 
 def _wide(places: Floats32) -> Floats32:
     """Return places with four coordinates, the last of them 0."""
-    wide = np.zeros((*places.shape[:-1], 4), np.float32)
-    copy_rows(places, wide[..., : places.shape[-1]])
-    return wide
+    return np.pad(places, [(0, 0)] * (places.ndim - 1) + [(0, 4 - places.shape[-1])])
 
 
 def usual_step(palette: Floats32) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that
-from cvtimg._shared.choices import Options
+from cvtimg._shared.choices import Arguments, Options
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg._shared.types import Array, Bytes, Ints64
@@ -382,21 +382,11 @@ def encode_pages(file: BinaryIO, pages: Pages, palette: Bytes | None) -> None:
         labels = [pages.channels[place[at]] for place in np.ndindex(*shape)]
         described |= {"Channel": {"Name": list(pages.channels)}} if kind == "ome" else {"Labels": labels}
     dtype = first.dtype if palette is None else np.dtype(np.uint8)
-    write_tiff(
-        file,
-        (images[number].astype(dtype, copy=False) for number in order.tolist()),
-        first.shape,
-        dtype,
-        before=shape,
-        alpha=pages.has_alpha and n_channels in (2, 4),
-        palette=palette,
-        imagej=kind == "imagej",
-        ome=kind == "ome",
-        **({"bigtiff": False, "compression": None} if kind == "imagej" else {}),
-        resolution=resolution,
-        resolutionunit=unit,
-        metadata=described,
-    )
+    values = (images[number].astype(dtype, copy=False) for number in order.tolist())
+    told: Arguments = {"resolution": resolution, "resolutionunit": unit, "metadata": described, "palette": palette}
+    told |= {"bigtiff": False, "compression": None, "imagej": True} if kind == "imagej" else {"ome": kind == "ome"}
+    has_alpha = pages.has_alpha and n_channels in (2, 4)
+    write_tiff(file, values, first.shape, dtype, before=shape, alpha=has_alpha, **told)
 
 
 def _imagej_order(axes: str, shape: tuple[int, ...]) -> tuple[str, tuple[int, ...], Ints64]:

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from cvtimg._shared.budgets import MOST_IN_MEMORY, PIXELS_AT_ONCE
+from cvtimg._shared.choices import Arguments
 from cvtimg._shared.extras import optional
 from cvtimg._shared.threads import n_threads
 from cvtimg._shared.types import Array, Bytes
@@ -122,19 +123,9 @@ def write_bands(
                 top += len(band)
         return
     with whole_file(path, overwrite=overwrite) as file:
-        write_tiff(
-            file,
-            _tiles(bands, _TILE),
-            form.shape,
-            form.dtype,
-            alpha=form.alpha,
-            palette=palette,
-            tile=(_TILE, _TILE),
-            compressionargs={"level": 3},
-            iccprofile=form.icc,
-            extratags=extra_tags(form.geo, form.nodata),
-            buffersize=PIXELS_AT_ONCE,
-        )
+        told: Arguments = {"iccprofile": form.icc, "extratags": extra_tags(form.geo, form.nodata), "palette": palette}
+        told |= {"tile": (_TILE, _TILE), "compressionargs": {"level": 3}, "buffersize": PIXELS_AT_ONCE}
+        write_tiff(file, _tiles(bands, _TILE), form.shape, form.dtype, alpha=form.alpha, **told)
 
 
 def needs_tiles(source: StrPath, target: StrPath) -> bool:

@@ -201,7 +201,5 @@ def _to_kernels(*arrays: Array) -> list[Floats32]:
     low = np.min([array.min(axis=0) for array in arrays], axis=0).astype(np.float64)
     size = float((np.max([array.max(axis=0) for array in arrays], axis=0) - low).max())
     frame = Frame(low, scale_for_float32(size))
-    inside = [np.zeros((len(array), _dithering.DIMS), np.float32) for array in arrays]
-    for places, array in zip(inside, arrays, strict=True):
-        places[:, :n_dims] = frame.inward(array)
-    return inside
+    wide = ((0, 0), (0, _dithering.DIMS - n_dims))
+    return [np.pad(frame.inward(array), wide).astype(np.float32) for array in arrays]

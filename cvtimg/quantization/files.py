@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice
+from cvtimg._shared.choices import Arguments
 from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import AlphaArray, are_shades, with_mark
 from cvtimg.colors.spaces import to_depth
@@ -174,15 +175,8 @@ def quantize_file(
         how.check(weights=reading.weights)
     in_tiles = needs_tiles(source, target) if reading.tiles is None else reading.tiles
     keep_profile = writing.keep_metadata and how.palette is None and how.locked is None  # given colors are in sRGB
-    stack = open_stack(
-        source,
-        reading.mask,
-        reading.nodata,
-        tiles=in_tiles,
-        frames=how.suffix in FRAME_WRITERS,
-        keep_profile=keep_profile,
-        max_pixels=reading.max_pixels,
-    )
+    opened: Arguments = {"tiles": in_tiles, "keep_profile": keep_profile, "max_pixels": reading.max_pixels}
+    stack = open_stack(source, reading.mask, reading.nodata, frames=how.suffix in FRAME_WRITERS, **opened)
     if not how.has_aim:
         how = replace(how, goal="eyes").aimed() if _for_screens(stack) else replace(how, n_colors=MAX_ENTRIES)
         if how.goal == "error":

@@ -296,19 +296,13 @@ def map_samples(
         colors, labels = _fitted(colors, labels)
     labels = labels.astype(np.uint8 if len(colors) <= 256 else np.uint16)
     indices = samples.at_pixels(labels) if dither is None else labels
-    if samples.inside is not None:
-        indices[~samples.inside] = 0
-    n_channels = colors.shape[1]
+    alpha, inside, n_out = samples.alpha, samples.inside, 0
+    if inside is not None:
+        indices[~inside] = 0
+        n_out = int(np.count_nonzero(~inside))
+    shape = (*indices.shape, colors.shape[1]) if colors.shape[1] > 1 else indices.shape
     return Quantized(
-        palette=colors,
-        indices=indices,
-        shape=(*indices.shape, n_channels) if n_channels > 1 else indices.shape,
-        energy=energy,
-        tessellation=None,
-        n_distinct=samples.n_colors,
-        alpha=samples.alpha,
-        inside=samples.inside,
-        n_left_out=0 if samples.inside is None else int(np.count_nonzero(~samples.inside)),
+        colors, indices, shape, energy, None, samples.n_colors, alpha=alpha, inside=inside, n_left_out=n_out
     )
 
 

@@ -1,11 +1,13 @@
 """Color quantization of images larger than memory: one pass through the file to count colors, one to map them."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from cvtimg._shared.checks import check_colors
+from cvtimg._shared.choices import Arguments
 from cvtimg._shared.pixels import white_of
 from cvtimg.colors.counting import Count
 from cvtimg.colors.places import CLEAR, kinds_of
@@ -65,22 +67,10 @@ class TiledSource:
                 energy += result.energy
                 yield result.stored(storing).reshape(shape)
 
-        self._stack.write(
-            self._target,
-            mapped_bands(),
-            palette=one.palette if storing.indexed else None,
-            alpha=storing.clears or (form.alpha and (*form.shape[:2], *last) == form.shape),
-            nodata=form.nodata if keeps else None,
-            overwrite=self._overwrite,
-        )
-        return Quantized(
-            palette=one.palette,
-            indices=None,
-            shape=form.shape,
-            energy=energy,
-            tessellation=palettes[0].tessellation,
-            n_distinct=self._n_distinct,
-            alpha=one.alpha and n_channels == colors.shape[1],
-            n_left_out=n_left_out,
-            exact=self._exact,
-        )
+        about: Arguments = {"nodata": form.nodata if keeps else None}
+        about["palette"] = one.palette if storing.indexed else None
+        about["alpha"] = storing.clears or (form.alpha and (*form.shape[:2], *last) == form.shape)
+        self._stack.write(self._target, mapped_bands(), overwrite=self._overwrite, **about)
+        result = Quantized(one.palette, None, form.shape, energy, palettes[0].tessellation, self._n_distinct)
+        alpha = one.alpha and n_channels == colors.shape[1]
+        return replace(result, alpha=alpha, n_left_out=n_left_out, exact=self._exact)

@@ -178,18 +178,10 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata,
         given = metadata.options("", mode, ("icc_profile", "dpi"))
         # The predictor (differences of neighbors) makes all of these types smaller; that of floats needs an extra.
         predicted = values.dtype.kind != "f" or find_spec("imagecodecs") is not None
-        write_tiff(
-            file,
-            values,
-            values.shape,
-            values.dtype,
-            alpha=alpha,
-            predictor=predicted and values.dtype.itemsize < 8,
-            iccprofile=given.get("icc_profile"),
-            resolution=given.get("dpi"),
-            resolutionunit="inch" if "dpi" in given else None,
-            extratags=extra_tags(metadata.geo, metadata.nodata),
-        )
+        told: Arguments = {"resolution": given.get("dpi"), "resolutionunit": "inch" if "dpi" in given else None}
+        told |= {"iccprofile": given.get("icc_profile"), "extratags": extra_tags(metadata.geo, metadata.nodata)}
+        predicted = predicted and values.dtype.itemsize < 8
+        write_tiff(file, values, values.shape, values.dtype, alpha=alpha, predictor=predicted, **told)
     else:
         _by_pillow(picture).save(file, form.name, **form.options, **kept)
 

@@ -125,14 +125,9 @@ def _chosen(header: ImageInfo) -> ImageInfo:
     if is_composed:
         stack = stack._replace(channels=())
         header = replace(header, mode="RGB", bands=("R", "G", "B"), bits=8, has_alpha=False, nodata=None)
-    return replace(
-        header,
-        axes=f"{stack.axes}YX",
-        shape=stack.shape,
-        channels=stack.channels,
-        frames=1 if chosen.page is not None else len(numbers) if header.shape else header.frames,
-        pixel_size=chosen.pixel_size or header.pixel_size,
-    )
+    frames = 1 if chosen.page is not None else len(numbers) if header.shape else header.frames
+    stack, pixel_size = stack._replace(axes=f"{stack.axes}YX"), chosen.pixel_size or header.pixel_size
+    return replace(header, frames=frames, pixel_size=pixel_size, **stack._asdict())
 
 
 def _read(file: BinaryIO) -> ImageInfo:
@@ -181,18 +176,9 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
     tags = tags_of(image)
     is_tiff = image.format == "TIFF"
     pages = _of_pages(file, describes_pages(tags)) if is_tiff else {"frames": getattr(image, "n_frames", 1)}
-    return ImageInfo(
-        width=width,
-        height=height,
-        format=image.format or "",
-        mode=image.mode,
-        bands=image.getbands(),
-        bits=depth(image),
-        **pages,
-        has_alpha=image.has_transparency_data,
-        icc=profile_name(image.info.get("icc_profile")),
-        **Place.of(tags)._asdict(),
-    )
+    icc = profile_name(image.info.get("icc_profile"))
+    about: Arguments = {"has_alpha": image.has_transparency_data, "icc": icc, **pages, **Place.of(tags)._asdict()}
+    return ImageInfo(width, height, image.format or "", image.mode, image.getbands(), depth(image), **about)
 
 
 def _of_tiff(file: BinaryIO) -> ImageInfo:
@@ -205,23 +191,10 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
         tags = tiff_tags(page)
         size = (page.imagelength, page.imagewidth)[:: -1 if is_turned(tags) else 1]
         header, layout = _of_array(size, page.samplesperpixel, np.dtype(page.dtype)), Layout.of(tags)
-        return replace(
-            header,
-            format="TIFF",
-            bits=layout.bits,
-            has_alpha=layout.alpha,
-            icc=profile_name(icc_profile(tags)),
-            **Place.of(tags)._asdict(),
-            **pages,
-        )
+        about: Arguments = {"bits": layout.bits, "has_alpha": layout.alpha, "icc": profile_name(icc_profile(tags))}
+        return replace(header, format="TIFF", **about, **Place.of(tags)._asdict(), **pages)
 
 
 def _of_array(size: tuple[int, ...], n_bands: int, dtype: np.dtype[np.generic]) -> ImageInfo:
-    return ImageInfo(
-        width=size[1],
-        height=size[0],
-        format="NPY",
-        mode=dtype.name,
-        bands=tuple(f"B{band}" for band in range(1, n_bands + 1)),
-        bits=1 if dtype.kind == "b" else 8 * dtype.itemsize,
-    )
+    bands, bits = tuple(f"B{band}" for band in range(1, n_bands + 1)), 8 * dtype.itemsize
+    return ImageInfo(size[1], size[0], "NPY", dtype.name, bands, 1 if dtype.kind == "b" else bits)
