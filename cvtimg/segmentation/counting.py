@@ -190,8 +190,9 @@ def count_objects(
             least = SETTINGS.least_size * (4 / 3 * radius**3 / size[0] if len(size) > 2 else radius**2) * np.pi
         labels = _in_tiles(contrast, inside, min_contrast or threshold, radius, size, necks)
         labels, least = sieved(labels, least)
-        if doubt is not None:
-            labels = _stronger(labels, doubt, abs(step))
+        if doubt is not None:  # objects of a contrast that is not above the doubts about light may be light
+            doubts = ndimage.median(doubt, labels, range(1, int(labels.max()) + 1))
+            labels = numbers_of(np.append(False, SETTINGS.doubt * doubts < abs(step)))[labels]
         if exclude_edges:
             labels = numbers_of(~at_edges(labels))[labels]
     _warn_of_doubts(labels, inside, radius, size)
@@ -252,12 +253,6 @@ def sieved(objects: Ints, least: float | None) -> tuple[Ints, float]:
         pixels = np.cumsum(compact)
         least = float(SETTINGS.least_size * compact[np.searchsorted(pixels, pixels[-1] / 2)])
     return numbers_of(sizes >= max(least, 1))[objects], least
-
-
-def _stronger(labels: Ints, doubt: Floats32, step: float) -> Ints:
-    """Leave out what the light may be: objects of a contrast that is not above the doubts about it."""
-    is_light = SETTINGS.doubt * ndimage.median(doubt, labels, range(1, int(labels.max()) + 1)) >= step
-    return numbers_of(np.append(False, ~is_light))[labels]
 
 
 def _radius(bright: Bools, size: tuple[float, ...]) -> float:
@@ -391,7 +386,11 @@ def split(
         inside = inside.repeat(fine, axis=0).repeat(fine, axis=1)
     objects, shares = _peeled(np.where(inside, contrast, np.float32(0)), threshold, radius * fine, size)
     ripples, depth = necks
-    distance = _distance(objects & (shares >= _level_of_necks(objects, shares, size)), size, fine)
+    # Halfway between the contrast at outlines and that of what lies deep in objects, gaps are open.
+    away = ndimage.distance_transform_edt(objects, size)[objects]
+    deep = shares[objects][away > np.median(away)] if away.size else away
+    level = 0.5 * (0.5 + float(np.clip(np.quantile(deep, SETTINGS.spots), 0.5, 1))) if deep.size else 0.5
+    distance = _distance(objects & (shares >= level), size, fine)
     if depth == np.inf:
         parts = np.asarray(ndimage.label(objects)[0], np.int32)
     elif depth is not None:
@@ -401,13 +400,6 @@ def split(
         if parts.ndim == 2:
             parts = join_at_ripples(parts, distance * fine, ripples, fine)
     return parts[(slice(None, None, fine),) * contrast.ndim]
-
-
-def _level_of_necks(objects: Bools, shares: Floats32, size: tuple[float, ...]) -> float:
-    """Return the share of contrast halfway between outlines and what lies deep in objects: there, gaps are open."""
-    away = ndimage.distance_transform_edt(objects, size)[objects]
-    deep = shares[objects][away > np.median(away)] if away.size else away
-    return 0.5 * (0.5 + float(np.clip(np.quantile(deep, SETTINGS.spots), 0.5, 1))) if deep.size else 0.5
 
 
 def _distance(objects: Bools, size: tuple[float, ...], fine: int = 1) -> Floats32:

@@ -15,7 +15,7 @@ from cvtimg._shared.checks import check_choice, check_count, check_partial_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import narrowed, peak, white_of
 from cvtimg._shared.progress import part
-from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints
+from cvtimg._shared.types import Floats, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
 from cvtimg.pictures.showing import limits_of_measurements
 from cvtimg.segmentation.hierarchy.channels import find_channels
@@ -78,7 +78,11 @@ def segment_hierarchy(
         array = np.ascontiguousarray(array[..., :-1])  # as an alpha that is opaque, though none is declared
     if array.shape[2] not in (1, 3):
         space = "rgb"
-    array, black, white = _as_shades(array, inside, space)
+    array = narrowed(array)
+    black, white = 0.0, peak(array.dtype)
+    if space != "rgb" and (limits := limits_of_measurements(pixels_of(array, inside))) is not None:
+        black, white = limits  # measurements are stretched to the range that they fill, to have a place in the space
+        array = ((array - np.float64(black)) / (white - black or 1)).clip(0, 1).astype(np.float32)
     array = in_whole_numbers(array, inside)  # means of rounded values would depend on the type
     factor = reduction(inside.size)
     seen, seen_inside = reduced(array, inside, factor) if factor > 1 else (array, inside)
@@ -93,19 +97,6 @@ def segment_hierarchy(
     if factor > 1:
         leaves = enlarged(leaves, array, inside, factor)
     return _measured(leaves, values, black, (white - black) / peak(values.dtype))
-
-
-def _as_shades(image: Array, inside: Bools, space: SpaceName) -> tuple[Array, float, float]:
-    """Return samples that have a place in a color space, and what black and white of their type are in the image.
-
-    Measurements are stretched to the range that they fill.
-    """
-    image = narrowed(image)
-    if space == "rgb" or (limits := limits_of_measurements(pixels_of(image, inside))) is None:
-        return image, 0.0, peak(image.dtype)
-    low, high = limits
-    shares = ((image - np.float64(low)) / (high - low or 1)).clip(0, 1).astype(np.float32)
-    return shares, low, high
 
 
 def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:

@@ -271,7 +271,24 @@ class RegionHierarchy(ReadOnly):
         check_in_range("chance", chance, 0 <= chance <= 1, "in 0..1")
         check_non_negative("tolerance", tolerance)
         most = None if n_lines is None else check_at_least("n_lines", n_lines, 1, "the most lines")
-        return find_lines(self.leaves, chances_of(self.evidence), chance, most, image, tolerance)
+        contours = find_contours(self.leaves, image)
+        border = EdgeTable(find_borders(self.leaves).pairs, self.n_leaves).find(contours.sides - 1)
+        chance_of = np.where((contours.sides > 0).all(axis=1), np.append(chances_of(self.evidence), 0.0)[border], 0.0)
+        kept = np.flatnonzero((chance_of >= chance) & (chance_of > 0))
+        if not len(kept):
+            return Lines((), np.zeros(0))
+        parts = strings_of([contours.lines[line] for line in kept])
+        joined = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(parts)))
+        middles = shapely.line_interpolate_point(parts, 0.5, normalized=True)
+        of_part = shapely.STRtree(joined).query_nearest(middles, all_matches=False)[1]
+        lengths = shapely.length(parts)
+        drawn = np.bincount(of_part, chance_of[kept] * lengths)
+        means = drawn / np.bincount(of_part, lengths)
+        order = np.argsort(-drawn, kind="stable")[:most]
+        order = order[np.argsort(-means[order], kind="stable")]
+        lines = [shapely.get_coordinates(line) for line in joined]
+        simple = simplify(lines, tolerance) if tolerance else lines
+        return Lines(tuple(simple[line] for line in order), means[order])
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the hierarchy as .npz, whole or not at all.
@@ -322,30 +339,6 @@ class RegionHierarchy(ReadOnly):
         label_of = np.zeros(len(roots), np.int32)
         label_of[nodes] = np.arange(1, len(nodes) + 1)
         return nodes, label_of[roots[: self.n_leaves]]
-
-
-def find_lines(
-    leaves: Ints, chances: NDArray[np.floating], least: float, most: int | None, image: ImageLike | None, off: float
-) -> Lines:
-    """Join borders between leaves, (B,) chances each, from the least on; keep the `most` that people draw most of."""
-    contours = find_contours(leaves, image)
-    border = EdgeTable(find_borders(leaves).pairs, int(leaves.max()) + 1).find(contours.sides - 1)
-    chance_of = np.where((contours.sides > 0).all(axis=1), np.append(chances, 0.0)[border], 0.0)
-    kept = np.flatnonzero((chance_of >= least) & (chance_of > 0))
-    if not len(kept):
-        return Lines((), np.zeros(0))
-    parts = strings_of([contours.lines[line] for line in kept])
-    joined = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(parts)))
-    middles = shapely.line_interpolate_point(parts, 0.5, normalized=True)
-    of_part = shapely.STRtree(joined).query_nearest(middles, all_matches=False)[1]
-    lengths = shapely.length(parts)
-    drawn = np.bincount(of_part, chance_of[kept] * lengths)
-    means = drawn / np.bincount(of_part, lengths)
-    order = np.argsort(-drawn, kind="stable")[:most]
-    order = order[np.argsort(-means[order], kind="stable")]
-    lines = [shapely.get_coordinates(line) for line in joined]
-    simple = simplify(lines, off) if off else lines
-    return Lines(tuple(simple[line] for line in order), means[order])
 
 
 def parents_of(merges: Ints, n_leaves: int) -> Indices:
