@@ -61,13 +61,6 @@ def add_moments(
                         cell[6 + 2 * band + d] += image[row, column, band] * place[d]
 
 
-cdef inline int32_t beside(const int32_t[:, ::1] labels, Py_ssize_t y, Py_ssize_t x, Py_ssize_t axis) noexcept nogil:
-    """The cell of the pixel to the right, or below; at the end of the image that of the pixel itself."""
-    if (y + 1 if axis else x + 1) >= (labels.shape[0] if axis else labels.shape[1]):
-        return labels[y, x]
-    return labels[y + axis, x + 1 - axis]
-
-
 cdef inline double gain(
     const float *left, const float *right, const double *color, const double *other, Py_ssize_t bands
 ) noexcept nogil:
@@ -95,14 +88,16 @@ def add_border_gradient(
     """
     cdef Py_ssize_t bands = image.shape[2], width = labels.shape[1], x, y, axis, d
     cdef int32_t i, j
-    cdef double along, across, line, slope
+    cdef double along, across, line, slope, low, at
     cdef double place[2]
     with nogil:
         for y in range(first_row, stop_row):
             for x in range(width):
                 i = labels[y, x]
                 for axis in range(2):  # the pixel to the right, and the one below
-                    j = beside(labels, y, x, axis)
+                    if y + axis >= labels.shape[0] or x + 1 - axis >= width:
+                        continue
+                    j = labels[y + axis, x + 1 - axis]
                     if i == j:
                         continue
                     along = points[j, axis] - points[i, axis]
@@ -110,22 +105,15 @@ def add_border_gradient(
                     if fabs(along) < fabs(across) or fabs(along) == (fabs(across) if axis else 0):
                         continue
                     line = 0.5 + (x if axis else y)
-                    place[axis] = crossing(
-                        along, across, points[i, axis], points[i, 1 - axis], line, 0.5 + (y if axis else x))
+                    low = 0.5 + (y if axis else x)
+                    at = points[i, axis] + 0.5 * along + across * (points[i, 1 - axis] + 0.5 * across - line) / along
+                    place[axis] = min(max(at, low), low + 1)  # between the middles of the two pixels
                     place[1 - axis] = line
                     slope = gain(
                         &image[y, x, 0], &image[y + axis, x + 1 - axis, 0], &colors[i, 0], &colors[j, 0], bands) / along
                     for d in range(2):
                         gradient[i, d] += slope * (place[d] - points[i, d])
                         gradient[j, d] -= slope * (place[d] - points[j, d])
-
-
-cdef inline double crossing(
-    double along, double across, double near_along, double near_across, double line, double low
-) noexcept nogil:
-    """Where a line meets the border of two cells, between the middles of two pixels."""
-    cdef double at = near_along + 0.5 * along + across * (near_across + 0.5 * across - line) / along
-    return min(max(at, low), low + 1)
 
 
 def add_edge_gradient(
@@ -256,7 +244,7 @@ cdef bint move_chain(
     int32_t[::1] places, uint8_t[::1] settled, int32_t reach, int32_t s
 ) noexcept nogil:
     """Try Or-opt: move the chain that starts at a point to between two others, turned or not."""
-    cdef int32_t n = <int32_t>tour.shape[0], i = places[s], e, p, q, c, f, j, length, side
+    cdef int32_t n = <int32_t>tour.shape[0], i = places[s], e, p, q, c, f, j, length, side, at
     cdef Py_ssize_t k
     cdef double saved, to_c, cost
     for length in range(1, CHAIN + 1):
@@ -287,20 +275,14 @@ cdef bint move_chain(
                 if saved - cost <= 1e-9:
                     continue
                 # The chain goes to between j and j + 1, or j - 1 and j; what was passed over fills its place.
-                shift(tour, places, i, length, j + (side > 0) - (0 if j < i else length), side < 0)
+                at = j + (side > 0) - (0 if j < i else length)
+                reverse(tour, places, min(i, at), max(i, at) + length - 1)
+                reverse(tour, places, at + length if at < i else i, i + length - 1 if at < i else at - 1)
+                if side > 0:
+                    reverse(tour, places, at, at + length - 1)
                 settled[p] = settled[q] = settled[s] = settled[e] = settled[c] = settled[f] = 0
                 return True
     return False
-
-
-cdef inline void shift(
-    int32_t[::1] tour, int32_t[::1] places, int32_t i, int32_t length, int32_t at, bint turned
-) noexcept nogil:
-    """Move the chain at i, so that it begins at `at`."""
-    reverse(tour, places, min(i, at), max(i, at) + length - 1)
-    reverse(tour, places, at + length if at < i else i, i + length - 1 if at < i else at - 1)
-    if not turned:
-        reverse(tour, places, at, at + length - 1)
 
 
 def improve(

@@ -129,10 +129,9 @@ def _kept_apart(pens: Sequence[_Pen], placed: list[Floats]) -> list[Floats]:
     together = np.zeros_like(pens[0].amount)
     for pen in pens:
         together += pen.amount * np.float32(pen.n_dots / pen.amount.sum(dtype=np.float64))
+        pen.density = pen.amount * pen.amount
     counts = [pen.n_dots for pen in pens]
     of_all = picture_moments(together * together, sum(counts))
-    for pen in pens:
-        pen.density = pen.amount * pen.amount
     moments = [picture_moments(pen.density, pen.n_dots) for pen in pens]
     n_moves = _ROUNDS * (_ROUNDS + 1)
     for move in each(range(1, n_moves + 1)):

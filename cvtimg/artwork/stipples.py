@@ -30,7 +30,6 @@ from cvtimg.placement.cells import Polygons, picture_cells
 _FINE = 8
 #: Pixels between dots in a drawing by default: with more, it is larger and no clearer.
 _SPACING = 8.0
-_BYTE = np.dtype(np.uint8)
 MARKS = ("disks", "circles", "points", "line")
 FILLS = ("solid", "spiral")
 #: Widths of the lines of circles, where none is given, and of cells, in millimeters.
@@ -268,7 +267,7 @@ class Stipples(ReadOnly):
             else:
                 light += covered * (ink - light)
         # A table in place of powers of each pixel: 12 bits of light tell 8-bit levels apart where edges are.
-        levels = from_space(np.linspace(0, 1, TABLE_SIZE)[:, np.newaxis], "linear", _BYTE)[:, 0]
+        levels = from_space(np.linspace(0, 1, TABLE_SIZE)[:, np.newaxis], "linear", np.dtype(np.uint8))[:, 0]
         drawn: Bytes = levels[np.rint(light * (TABLE_SIZE - 1)).astype(np.uint16)]
         return drawn[:, :, 0] if channels == 1 else drawn
 

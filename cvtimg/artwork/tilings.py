@@ -73,11 +73,10 @@ def paint(image: Floats32, labels: Ints, n_tiles: int) -> Painted:
 def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sums_shape: tuple[int, ...]) -> Floats:
     """Let parts of the rows add to sums of their own, and add these up in order."""
     height, width = shape
-    sums = np.empty((_PARTS, *sums_shape))
+    sums = np.zeros((_PARTS, *sums_shape))
     bounds = [height * number // _PARTS for number in range(_PARTS + 1)]
 
     def add_part(number: int) -> None:
-        sums[number] = 0
         add(bounds[number], bounds[number + 1], sums[number])
 
     of_each(add_part, _PARTS, _STEPS_OF_PIXEL * height * width)

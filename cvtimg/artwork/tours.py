@@ -66,7 +66,7 @@ def find_tour(points: ArrayLike) -> Indices:
             near = np.append(near, others)
         settled[grown if len(grown) else slice(None)] = 0  # at last none must be anywhere
         n_moves = _shorten(places, near, spans, tour, where, settled, n_points)
-    first, last = (np.hypot(*places[end]) for end in tour[[0, -1]])
+    first, last = np.hypot(*places[tour[[0, -1]]].T)
     return tour[:: 1 if first <= last else -1].astype(np.intp)
 
 

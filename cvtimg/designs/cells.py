@@ -136,8 +136,7 @@ class Cube(SampleMoments):
     def __call__(self, generators: Floats, /) -> Moments:
         """Compute the moments of the cells of (n, d) points, which need not be inside of the torus's unit cell."""
         if self.exact:
-            sums = exact_cells(generators % 1.0 if self.periodic else generators, self.periodic)
-            return sums.moments(generators)
+            return exact_cells(generators % 1.0 if self.periodic else generators, self.periodic).moments(generators)
         if self.periodic:
             return super().__call__(generators)
         places, frame = self._packed.frame.inward(generators), self._packed.frame

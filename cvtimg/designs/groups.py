@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.budgets import ROUNDING
-from cvtimg._shared.checks import check_count, check_in_range, check_shape
+from cvtimg._shared.checks import check_count
 from cvtimg._shared.types import Floats, Indices
 from cvtimg.designs.cells import check_unit_points
 
@@ -30,11 +30,7 @@ def split_evenly(
     """
     places = check_unit_points("points", points) - 0.5
     n_groups = check_count("n_groups", n_groups, len(places), "the number of points")
-    held = np.asarray(known, np.intp)
-    fits = held.ndim == 1 and len(held) <= len(places)
-    check_shape("known", held.shape, fits, f"(L,), at most the {len(places)} points")
-    check_in_range("known", known, ((held >= 0) & (held < n_groups)).all(), f"groups in 0..{n_groups - 1}")
-    random = np.random.default_rng(rng)
+    held, random = np.asarray(known, np.intp), np.random.default_rng(rng)
     terms = partial(_terms, np.ascontiguousarray(places.T), [np.asarray(labels) for labels in others])
     # Few points begin several times, and the best are kept.
     starts = [_start(len(places), n_groups, held, random) for _ in range(8 if len(places) <= 256 else 1)]

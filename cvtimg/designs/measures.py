@@ -58,7 +58,6 @@ def _exact(points: Floats) -> float:
     # An open box has the points up to the corner before its own: the first row and column stay 0.
     counts = np.zeros((len(sides[0]) + 1, len(sides[1]) + 1), np.int32)
     closed_counts, open_counts = counts[1:, 1:], counts[:-1, :-1]
-
     areas = np.multiply.outer(*sides[:2])
 
     def gap(of: Ints, depth: float, sign: int) -> float:
@@ -93,8 +92,7 @@ def _lower_bound(points: Floats, rng: np.random.Generator) -> float:
         moves = rng.integers(-reach, reach + 1, (n_steps, n_dims))
         moves[rng.random((n_steps, n_dims)) > 2 / n_dims] = 0
         thresholds = left**2 / (2 * np.sqrt(n_points))
-        gap = _designs.walk_boxes(points, sides, corner, moves.astype(np.int32), thresholds)
-        greatest = max(greatest, gap)
+        greatest = max(greatest, _designs.walk_boxes(points, sides, corner, moves.astype(np.int32), thresholds))
     return greatest
 
 

@@ -272,7 +272,6 @@ def _scale(apart: Floats32) -> float:
 
 
 def _mapped(transform: Floats, x: object, y: object) -> tuple[Any, Any]:
-    """Apply a transform to places."""
     (a, b, c), (d, e, f), (g, h, i) = transform
     scale = g * x + h * y + i
     return (a * x + b * y + c) / scale, (d * x + e * y + f) / scale

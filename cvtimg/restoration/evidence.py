@@ -403,7 +403,6 @@ class _Part:
 
     @classmethod
     def of(cls, versions: Versions, rows: slice | Indices) -> _Part:
-        """Take some rows."""
         values = np.stack([versions.bands(version, rows) for version in range(versions.n_versions)])
         return cls(values, np.moveaxis(versions.known[rows], 2, 0), versions)
 

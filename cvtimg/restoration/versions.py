@@ -232,7 +232,6 @@ def stack_versions(
 
 
 def _check_same(what: str, found: Sequence[object]) -> None:
-    """Refuse versions that differ in what they must share."""
     for number, other in enumerate(found):
         if other != found[0]:
             raise ValueError(f"images[{number}] has {what} {other} and images[0] has {found[0]}; they must be the same")
