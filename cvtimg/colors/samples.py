@@ -114,15 +114,10 @@ def color_samples(image: ImageLike, *, alpha: bool | None = None, mask: ArrayLik
     alpha = check_alpha(alpha, image, rows.shape[1])
     if rows.dtype.kind == "f":
         rows = rows + rows.dtype.type(0)  # -0.0 and 0.0 are one color, but not the same bytes
+    numbers = _numbers_of(rows)
     in_order = rows.shape[1] <= MAX_ORDERED_DIMS
-    inverse, density = _counted(_numbers_of(rows))
-    row_of = np.empty(len(density), np.intp)
-
-    def see(block: slice) -> None:
-        row_of[inverse[block]] = np.arange(block.start, block.stop)
-
-    in_stripes(see, len(inverse), 8.0 * len(inverse), IN_CACHE)
-    colors = rows[row_of]  # of any pixel: all that have a color are equal
+    distinct, inverse, density = _counted(numbers)
+    colors = _rows_of(distinct, rows.dtype, rows.shape[1])
     if in_order and rows.dtype != np.uint8:
         order = along_curve(colors)
         rank = np.empty(len(order), np.int32)
@@ -189,8 +184,24 @@ def _numbers_of(rows: Array) -> Array:
     return wide.view(np.uint64)[:, 0]
 
 
-def _counted(numbers: Array) -> tuple[Ints, Floats]:
-    """Return the rank of each of (N,) numbers among the distinct ones, and how often each of these occurs."""
+def _rows_of(numbers: Array, dtype: np.dtype[np.generic], n_bands: int) -> Array:
+    """Return the (N, C) rows of some numbers: the inverse of `_numbers_of`."""
+    if numbers.dtype != np.uint32:
+        pixels = numbers.view(np.uint8).reshape(len(numbers), -1)
+        return np.ascontiguousarray(pixels[:, : n_bands * dtype.itemsize]).view(dtype)
+    rows = np.zeros((len(numbers), n_bands), np.uint8)
+
+    def collect(block: slice) -> None:
+        for place in range(8 * n_bands):
+            bit, band = divmod(place, n_bands)
+            rows[block, n_bands - 1 - band] |= ((numbers[block] >> np.uint32(place)) & 1).astype(np.uint8) << bit
+
+    in_stripes(collect, len(numbers), 64.0 * rows.size, IN_CACHE)
+    return rows
+
+
+def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
+    """Return the distinct numbers, the rank of each of (N,) among them, and how often each of them occurs."""
     n_runs = 1 << 16  # of 256 numbers: all of three bands of 8 bits. Larger ones are sorted
     if numbers.dtype != np.uint32 or int(numbers.max()) >> 8 >= n_runs:
         return _sorted(numbers)
@@ -220,13 +231,14 @@ def _counted(numbers: Array) -> tuple[Ints, Floats]:
     rank_of = np.empty(len(is_there), np.int32)
     rank_of[taken] = np.arange(len(taken), dtype=np.int32)
     in_stripes(rank, len(numbers), 16.0 * len(numbers), IN_CACHE)
+    distinct = (used[taken >> 8] << 8 | taken & 255).astype(np.uint32)
     # Stripes that are long beside what they are counted in, which is added up.
     n_in_stripe, n = max(IN_CACHE, 4 * len(taken)), len(inverse)
     counts = in_stripes(lambda block: np.bincount(inverse[block], minlength=len(taken)), n, 8.0 * n, n_in_stripe)
-    return inverse, reduce(np.add, counts).astype(np.float64)
+    return distinct, inverse, reduce(np.add, counts).astype(np.float64)
 
 
-def _sorted(numbers: Array) -> tuple[Ints, Floats]:
+def _sorted(numbers: Array) -> tuple[Array, Ints, Floats]:
     """Return the same of any numbers: of those between some of them, which parts of them are, side by side."""
     ends = np.sort(numbers[:: IN_CACHE >> 6])[64::64]
     part_of, inverse = np.empty(len(numbers), np.uint16), np.empty(len(numbers), np.int32)
@@ -237,12 +249,12 @@ def _sorted(numbers: Array) -> tuple[Ints, Floats]:
     in_stripes(divide, len(numbers), 64.0 * len(numbers), IN_CACHE)
     parts = np.split(np.argsort(part_of, kind="stable"), np.cumsum(np.bincount(part_of, minlength=len(ends) + 1))[:-1])
 
-    def sort(part: int) -> Array:
+    def sort(part: int) -> tuple[Array, Array]:
         where = parts[part]
-        _, inverse[where], counts = np.unique(numbers[where], return_inverse=True, return_counts=True)
-        return counts
+        distinct, inverse[where], counts = np.unique(numbers[where], return_inverse=True, return_counts=True)
+        return distinct, counts
 
-    counts = of_each(sort, len(parts), 512.0 * len(numbers))
-    for part, first in zip(parts[1:], np.cumsum([len(some) for some in counts]), strict=False):
+    distinct, counts = zip(*of_each(sort, len(parts), 512.0 * len(numbers)), strict=True)
+    for part, first in zip(parts[1:], np.cumsum([len(some) for some in distinct]), strict=False):
         inverse[part] += np.int32(first)
-    return inverse, np.concatenate(counts).astype(np.float64)
+    return np.concatenate(distinct), inverse, np.concatenate(counts).astype(np.float64)
