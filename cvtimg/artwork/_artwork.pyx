@@ -61,6 +61,36 @@ def add_moments(
                         cell[6 + 2 * band + d] += image[row, column, band] * place[d]
 
 
+def add_borders(
+    const int32_t[:, ::1] labels,     # IN (H, W): cell of each pixel
+    const double[:, ::1] colors,      # IN (K, C): mean of each cell
+    Py_ssize_t first_row,             # IN
+    Py_ssize_t stop_row,              # IN
+    double[:, ::1] sums,              # INOUT (K, 2): squared differences from neighbors, and how many these are
+):
+    """Compare cells along their borders."""
+    cdef Py_ssize_t bands = colors.shape[1], width = labels.shape[1], x, y, axis, band
+    cdef int32_t i, j
+    cdef double square
+    with nogil:
+        for y in range(first_row, stop_row):
+            for x in range(width):
+                i = labels[y, x]
+                for axis in range(2):  # the pixel to the right, and the one below
+                    if y + axis >= labels.shape[0] or x + 1 - axis >= width:
+                        continue
+                    j = labels[y + axis, x + 1 - axis]
+                    if i == j:
+                        continue
+                    square = 0
+                    for band in range(bands):
+                        square = square + (colors[i, band] - colors[j, band]) * (colors[i, band] - colors[j, band])
+                    sums[i, 0] += square
+                    sums[j, 0] += square
+                    sums[i, 1] += 1
+                    sums[j, 1] += 1
+
+
 cdef inline double gain(
     const float *left, const float *right, const double *color, const double *other, Py_ssize_t bands
 ) noexcept nogil:

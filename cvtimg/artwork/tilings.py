@@ -73,10 +73,11 @@ def paint(image: Floats32, labels: Ints, n_tiles: int) -> Painted:
 def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sums_shape: tuple[int, ...]) -> Floats:
     """Let parts of the rows add to sums of their own, and add these up in order."""
     height, width = shape
-    sums = np.zeros((_PARTS, *sums_shape))
+    sums = np.empty((_PARTS, *sums_shape))
     bounds = [height * number // _PARTS for number in range(_PARTS + 1)]
 
     def add_part(number: int) -> None:
+        sums[number] = 0
         add(bounds[number], bounds[number + 1], sums[number])
 
     of_each(add_part, _PARTS, _STEPS_OF_PIXEL * height * width)
@@ -101,13 +102,9 @@ def relocate(image: Floats32, points: Floats, painted: Painted) -> tuple[Floats,
 
 def removal_costs(painted: Painted) -> Floats:
     """(K,) estimate of how much the error grows if a cell is shared among its neighbors by the lengths of borders."""
-    labels, colors = painted.labels, painted.colors
-    pairs = [(labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])]  # of pixels side by side, and below each other
-    borders = [np.stack([some[some != others], others[some != others]]) for some, others in pairs]
-    first, other = both = np.concatenate(borders, axis=1)
-    squares = np.tile(np.square(colors[first] - colors[other]).sum(axis=1), 2)
-    sums, lengths = (np.bincount(both.ravel(), weights, len(colors)) for weights in (squares, None))
-    return painted.areas * sums / np.maximum(lengths, 1)
+    add = partial(_artwork.add_borders, painted.labels, painted.colors)
+    squares, lengths = by_rows(add, painted.labels.shape, (len(painted.areas), 2)).T
+    return painted.areas * squares / np.maximum(lengths, 1)
 
 
 def division_gains(image: Floats32, painted: Painted) -> tuple[Floats, Floats, Floats]:
