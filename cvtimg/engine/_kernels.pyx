@@ -710,7 +710,7 @@ def cut_levels(
     int32_t[::1] firsts,            # OUT (M + 1,): where the last of their cells begins
     int32_t[::1] queue,             # OUT (M + 1,): scratch; beginnings of a last cell that are still to serve
     int32_t[::1] since,             # OUT (M + 1,): scratch; the end from which each of these is best
-    int32_t[::1] bounds,            # OUT (M + 1,): where each cell begins, and M
+    int32_t[::1] bounds,            # OUT (M + 1,): M, and where each cell begins, the last one first
 ):
     """Cut sorted levels into cells at the least sum of energies and prices; return the number of cells."""
     # A later beginning that is better for some end is better for all ends after that. So those that will ever be
@@ -740,13 +740,10 @@ def cut_levels(
                 last += 1
                 queue[last] = <int32_t>end
                 since[last] = <int32_t>start
-        # From the end to the beginning, and then turned around.
         start = n
         while start > 0:
             bounds[n_cells] = <int32_t>start
             start = firsts[start]
             n_cells += 1
         bounds[n_cells] = 0
-        for start in range((n_cells + 1) // 2):
-            bounds[start], bounds[n_cells - start] = bounds[n_cells - start], bounds[start]
     return n_cells

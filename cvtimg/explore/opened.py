@@ -46,8 +46,7 @@ def most_pixels() -> int:
     """Return how many pixels a picture may have: as many as free memory holds with what is computed of them."""
     import psutil
 
-    free: int = psutil.virtual_memory().available
-    return min(MOST_PIXELS, free // _BYTES)
+    return min(MOST_PIXELS, psutil.virtual_memory().available // _BYTES)
 
 
 class Picture:

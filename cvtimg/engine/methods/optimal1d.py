@@ -53,7 +53,7 @@ class _Levels(NamedTuple):
         n_bounds = len(self.moments)
         firsts, queue, since, bounds = np.empty((4, n_bounds), np.int32)
         n_cells = _kernels.cut_levels(self.moments, price, np.empty(n_bounds), firsts, queue, since, bounds)
-        return bounds[: n_cells + 1].copy()
+        return bounds[n_cells::-1].copy()
 
     def means(self, bounds: Ints) -> Floats:
         """Return the (k, 1) means of the cells, summed cell by cell: differences of `moments` would lose digits."""

@@ -13,11 +13,9 @@ from cvtimg.explore.tabs.restore_tab import RestoreTab
 from cvtimg.explore.tabs.segments_tabs import MeshTab, SegmentsTab
 from cvtimg.explore.tabs.sheet_tabs import DesignTab, SphereTab
 
+_KINDS = (ColorsTab, PaletteTab, SegmentsTab, StippleTab, MosaicTab, RestoreTab, MeshTab, SphereTab, DesignTab)
 #: All tabs by name, in the order of the page.
-TABS: dict[str, Tab] = {
-    tab.name: tab()
-    for tab in (ColorsTab, PaletteTab, SegmentsTab, StippleTab, MosaicTab, RestoreTab, MeshTab, SphereTab, DesignTab)
-}
+TABS: dict[str, Tab] = {kind.name: kind() for kind in _KINDS}
 
 
 def requested(store: Store, asked: Options, *, is_draft: bool = False) -> tuple[Tab, Request]:
