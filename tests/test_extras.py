@@ -108,7 +108,7 @@ def test_commands_need_no_extra_for_their_own_job() -> None:
     for name in ("b", "c", "d"):
         write_image(f"folder/{name}.png", RGB[::-1] if name == "c" else RGB)
     Path("table.csv").write_text("x,y\n0,0\n0,1\n9,9\n9,8\n")
-    page = Image.fromarray(RGB)
+    page = Image.fromarray(RGB).resize((90, 60))
     page.save("pages.tif", compression="tiff_lzw", save_all=True, append_images=[page])
     done = commands(
         "palette a.png -k 4",
