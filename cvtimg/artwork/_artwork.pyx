@@ -61,6 +61,13 @@ def add_moments(
                         cell[6 + 2 * band + d] += image[row, column, band] * place[d]
 
 
+cdef inline int32_t beside(const int32_t[:, ::1] labels, Py_ssize_t y, Py_ssize_t x, Py_ssize_t axis) noexcept nogil:
+    """The cell of the pixel to the right, or below; at the end of the image that of the pixel itself."""
+    if y + axis >= labels.shape[0] or x + 1 - axis >= labels.shape[1]:
+        return labels[y, x]
+    return labels[y + axis, x + 1 - axis]
+
+
 def add_borders(
     const int32_t[:, ::1] labels,     # IN (H, W): cell of each pixel
     const double[:, ::1] colors,      # IN (K, C): mean of each cell
@@ -77,9 +84,7 @@ def add_borders(
             for x in range(width):
                 i = labels[y, x]
                 for axis in range(2):  # the pixel to the right, and the one below
-                    if y + axis >= labels.shape[0] or x + 1 - axis >= width:
-                        continue
-                    j = labels[y + axis, x + 1 - axis]
+                    j = beside(labels, y, x, axis)
                     if i == j:
                         continue
                     square = 0
@@ -125,9 +130,7 @@ def add_border_gradient(
             for x in range(width):
                 i = labels[y, x]
                 for axis in range(2):  # the pixel to the right, and the one below
-                    if y + axis >= labels.shape[0] or x + 1 - axis >= width:
-                        continue
-                    j = labels[y + axis, x + 1 - axis]
+                    j = beside(labels, y, x, axis)
                     if i == j:
                         continue
                     along = points[j, axis] - points[i, axis]

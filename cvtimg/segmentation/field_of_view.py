@@ -142,7 +142,7 @@ def are_bright(values: Floats32, some: Floats32 | None = None) -> Bools:
     from skimage.filters import threshold_otsu
 
     some, n_bins = values if some is None else some, 256
-    if not np.ptp(some) > n_bins * np.spacing(np.abs(some).max()):
+    if not some.size or not np.ptp(some) > n_bins * np.spacing(np.abs(some).max()):
         return np.zeros(values.shape, np.bool_)
     return np.asarray(values > threshold_otsu(some, n_bins))  # type: ignore[no-untyped-call]
 
@@ -150,11 +150,9 @@ def are_bright(values: Floats32, some: Floats32 | None = None) -> Bools:
 def without_light(gray: Floats32, inside: Bools) -> tuple[Floats32, Floats32 | None]:
     """Take uneven light from an image if two levels then leave less than half of what they leave of the image as it is.
 
-    Also return how far the light may be from the true one: what its terms of the highest degree add, about as much as
-    the terms that it has not would.
-
     It may be stronger than the contrast of objects, and two levels of the image are then its bright and its dark side.
-    Light alone leaves what values were rounded by, which is nothing.
+    Light alone leaves what values were rounded by, which is nothing. Also return how far the light may be from the true
+    one, None if none is taken: what its terms of the highest degree add, about as much as the terms that it has not.
     """
     if gray.ndim != 2:
         return gray, None
@@ -172,7 +170,7 @@ def without_light(gray: Floats32, inside: Bools) -> tuple[Floats32, Floats32 | N
 
 def left_by_two(values: Floats32) -> float:
     """Return the mean squared distance of values to the nearer of two levels."""
-    bright = are_bright(values) if values.size else values > 0
+    bright = are_bright(values)
     if not bright.any():
         return 0.0
     return float(np.square(values - np.where(bright, values[bright].mean(), values[~bright].mean())).mean())
